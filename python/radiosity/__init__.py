@@ -36,7 +36,7 @@ from ._errors import (
 )
 from ._factors import FormFactors
 from ._heat import ExchangeFactors, Heat, PointViews, SunPath
-from ._image import Image
+from ._image import Image, verify
 from ._interop import from_meshio, from_pyvista, from_trimesh
 from ._model import Model, load
 from ._solution import Solution
@@ -69,4 +69,5 @@ __all__ = [
     "from_trimesh",
     "load",
     "set_threads",
+    "verify",
 ]

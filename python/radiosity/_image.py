@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import os
 from collections.abc import Iterator, Mapping
-from typing import Any, Optional
+from typing import Any, Optional, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,3 +80,25 @@ class Image(Result[_core.Image], Mapping[str, "NDArray[Any]"]):
     def __len__(self) -> int:
         return len(self._groups)
 
+
+
+def verify(path: Union[str, os.PathLike[str]]) -> dict[str, Any]:
+    """Checks an OpenEXR image of this package or program against the analytic answer of the scene that it was made from.
+
+    Parameters
+    ----------
+    path : path
+        The image, as `Image.save` writes it.
+
+    Returns
+    -------
+    dict
+        By the names that `radiosity verify --json` has: ``passed``, and the errors of each layer.
+
+    Raises
+    ------
+    RenderError
+        If the file cannot be read, or its scene has no analytic answer.
+    """
+    found: dict[str, Any] = json.loads(_core.verify(os.fspath(path)))
+    return found

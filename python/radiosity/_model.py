@@ -206,6 +206,43 @@ class Model:
             model._core = _core.Model.read(os.fspath(path), options, callback)
         return model
 
+    @classmethod
+    def builtin(
+        cls,
+        name: str,
+        *,
+        level: Optional[int] = None,
+        subdivide: Optional[int] = None,
+        max_edge: Optional[float] = None,
+        cut_at_walls: bool = True,
+        progress: Progress = None,
+    ) -> Model:
+        """Makes a scene that the package has built in.
+
+        Parameters
+        ----------
+        name : str
+            Such as ``cube``, ``cornell-box``, ``lewis-room``, ``room-box``; the message of another name lists all.
+        level : int, optional
+            The level of refinement, of scenes that have levels.
+        subdivide, max_edge, cut_at_walls, progress
+            As of `Model`.
+
+        Returns
+        -------
+        Model
+
+        Raises
+        ------
+        SceneError
+            If there is no such scene or level.
+        """
+        options = given(subdivide=subdivide, max_edge=max_edge, cut_at_walls=cut_at_walls)
+        model = cls.__new__(cls)
+        with Bar(progress) as callback:
+            model._core = _core.Model.builtin(name, level, options, callback)
+        return model
+
     def __repr__(self) -> str:
         return f"<Model: {self.n_patches} patches on {len(self.surfaces)} surfaces>"
 
@@ -578,7 +615,7 @@ class Model:
         Returns
         -------
         Image
-            The layers are in `docs/images.md`; `Image.surfaces` has the mean of each surface.
+            The layers are in `docs/pictures.md`; `Image.surfaces` has the mean of each surface.
 
         Raises
         ------

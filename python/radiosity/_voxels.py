@@ -26,7 +26,7 @@ Floats = NDArray[np.float64]
 class VoxelSolution(Result[_core.VoxelSolution]):
     """Radiosities on the voxels of a scene, one for each of their n surfels: the share of one surface in one voxel.
 
-    `Model.voxels` makes it. The method and its errors are in `docs/voxels.md` of the project. `save` writes the
+    `Model.voxels` makes it. The method and its errors are in `docs/methods.md` of the project. `save` writes the
     voxels as ``.vtu``; `render` makes an image.
     """
 

@@ -1,6 +1,7 @@
 //! Errors of the library as exceptions of the package, which `radiosity/_errors.py` defines.
 
 use pyo3::prelude::*;
+use radiosity::voxel::VoxelError;
 use radiosity::workflow::WorkflowError;
 
 /// Returns an exception or warning class of the package.
@@ -10,7 +11,12 @@ pub(crate) fn class<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyA
 
 /// Returns the exception of an error.
 pub(crate) fn raised(py: Python<'_>, error: &WorkflowError) -> PyErr {
-    let name = match error {
+    with_text(py, name_of(error), &error.to_string())
+}
+
+fn name_of(error: &WorkflowError) -> &'static str {
+    match error {
+        WorkflowError::InFrame { error, .. } => name_of(error),
         WorkflowError::Scene(_)
         | WorkflowError::Motion(_)
         | WorkflowError::Mesh { .. }
@@ -21,13 +27,15 @@ pub(crate) fn raised(py: Python<'_>, error: &WorkflowError) -> PyErr {
         | WorkflowError::VoxelMemory { .. } => "MemoryLimitError",
         WorkflowError::FormFactor(_) | WorkflowError::Matrix(_) => "FormFactorError",
         WorkflowError::Solver(_) | WorkflowError::NoFiniteSolution { .. } => "SolverError",
-        WorkflowError::Report(_) | WorkflowError::OtherGeometry { .. } | WorkflowError::Checkpoint(_) => "FileError",
+        WorkflowError::Report(_)
+        | WorkflowError::OtherGeometry { .. }
+        | WorkflowError::Checkpoint(_)
+        | WorkflowError::Voxel(VoxelError::LinkFile { .. }) => "FileError",
         WorkflowError::Render(_) => "RenderError",
         WorkflowError::Heat { .. } | WorkflowError::AtTime { .. } => "HeatError",
-        WorkflowError::Unsuited(_) => "ArgumentError",
+        WorkflowError::Unsuited(_) | WorkflowError::Voxel(_) => "ArgumentError",
         _ => "RadiosityError",
-    };
-    with_text(py, name, &error.to_string())
+    }
 }
 
 /// Returns the exception of a wrong argument.
@@ -35,7 +43,8 @@ pub(crate) fn bad_argument(py: Python<'_>, text: &str) -> PyErr {
     with_text(py, "ArgumentError", text)
 }
 
-fn with_text(py: Python<'_>, name: &str, text: &str) -> PyErr {
+/// Returns an exception of the package by its name.
+pub(crate) fn with_text(py: Python<'_>, name: &str, text: &str) -> PyErr {
     let made = class(py, name).and_then(|class| class.call1((text,)));
     made.map_or_else(|error| error, PyErr::from_value)
 }

@@ -8,11 +8,12 @@ use glam::DVec3;
 use numpy::{PyArray1, PyArray2, PyArrayMethods as _};
 use pyo3::prelude::*;
 use radiosity::render::display::Unwatched;
+use radiosity::render::verify::{VerifyError, verify as verified};
 use radiosity::render::{Attributes, DirectMethod, GatherSettings, RenderInput, RenderSettings, Samples, exr, png};
 use radiosity::workflow::{CameraChoice, ViewRequest, image_byte, rendered};
 
 use crate::call::Call;
-use crate::error::bad_argument;
+use crate::error::{bad_argument, with_text};
 use crate::model::{Shared, call};
 use crate::options::Options;
 use crate::solution::Solution;
@@ -165,6 +166,17 @@ pub(crate) fn render(
         attributes,
         warnings: done.warnings,
     })
+}
+
+/// Checks an image against the analytic answer of its scene; returns the report as the program prints it.
+#[pyfunction]
+pub(crate) fn verify(py: Python<'_>, path: PathBuf) -> PyResult<String> {
+    let found = py.detach(|| verified(&path)).map_err(|error| match error {
+        // Errors of reading name the file themselves.
+        VerifyError::Read(_) => with_text(py, "RenderError", &error.to_string()),
+        _ => with_text(py, "RenderError", &format!("{}: {error}", path.display())),
+    })?;
+    Ok(serde_json::to_string(&found).unwrap_or_default())
 }
 
 #[pymethods]

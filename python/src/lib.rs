@@ -30,6 +30,8 @@ mod _core {
     #[pymodule_export]
     use crate::image::Image;
     #[pymodule_export]
+    use crate::image::verify;
+    #[pymodule_export]
     use crate::model::Model;
     #[pymodule_export]
     use crate::solution::Solution;

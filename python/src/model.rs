@@ -131,6 +131,23 @@ impl Model {
         })
     }
 
+    /// Makes a model of a built-in scene.
+    #[staticmethod]
+    fn builtin(
+        py: Python<'_>,
+        name: &str,
+        level: Option<u32>,
+        options: &Bound<'_, PyDict>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<Self> {
+        let options = Options::new(options)?;
+        let mesh = options.mesh()?;
+        options.finish()?;
+        made(py, progress, mesh, name, |_| {
+            Ok(radiosity::scene::builtin::build(name, level)?.scene)
+        })
+    }
+
     #[getter]
     fn n_patches(&self) -> usize {
         self.shared.lock().mesh.n_patches()

@@ -119,6 +119,15 @@ pub(super) struct Found {
 impl Found {
     /// Finds the contact edges of a scene.
     fn of(scene: &Scene, joints: &[(FaceEdge, FaceEdge)]) -> Self {
+        let [touching, hanging] = Self::pairs(scene);
+        let mut on_faces = Self::new(scene.faces.len(), &touching, &hanging);
+        drop((touching, hanging));
+        on_faces.parted = parted(joints, scene, &on_faces);
+        on_faces
+    }
+
+    /// Returns the contact edges of all pairs of faces with the ground that each lies on: of faces that touch it, and of those that hang over it.
+    fn pairs(scene: &Scene) -> [Vec<(u32, ContactEdge)>; 2] {
         let outlines: Vec<Positions> = scene.faces.par_iter().map(|face| scene.positions(face)).collect();
         let normals: Vec<DVec3> = outlines
             .par_iter()
@@ -150,10 +159,7 @@ impl Found {
             })
         };
         // One after the other, for the sake of memory: each is work for all threads.
-        let (touching, hanging) = (found(false), found(true));
-        let mut on_faces = Self::new(scene.faces.len(), &touching, &hanging);
-        on_faces.parted = parted(joints, &outlines, &on_faces);
-        on_faces
+        [false, true].map(found)
     }
 
     /// Returns the contact edges on a face; `None` if there are none.
@@ -301,13 +307,13 @@ fn bounding_box(outline: &[DVec3]) -> (DVec3, DVec3) {
 }
 
 /// Returns the faces that have a contact edge elsewhere than along a border that no face of the plane continues.
-fn parted(joints: &[(FaceEdge, FaceEdge)], outlines: &[Positions], found: &Found) -> HashSet<u32> {
+fn parted(joints: &[(FaceEdge, FaceEdge)], scene: &Scene, found: &Found) -> HashSet<u32> {
     let beside: HashMap<FaceEdge, FaceId> = joints
         .iter()
         .flat_map(|&(one, other)| [(one, other.0), (other, one.0)])
         .collect();
     let of_face = |(face, here): (u32, OnFace<'_>)| {
-        let outline = &outlines[face as usize];
+        let outline = scene.positions(&scene.faces[face as usize]);
         let mut parted = Vec::new();
         for edge in here.edges {
             let border = (0..outline.len()).find(|&k| {

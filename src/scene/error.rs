@@ -204,7 +204,7 @@ pub enum SceneErrorKind {
     #[error("not UTF-8 text; convert the file to UTF-8")]
     NotUtf8,
     /// The file has no face with an area.
-    #[error("no face with an area; export the scene with its faces (`v` and `f` lines)")]
+    #[error("no face with an area; export the scene with its faces")]
     NoFaces,
     /// The file is not written as its format wants it.
     #[error("expected {expected}, found `{}`; correct the file or export it again", quoted(.found))]

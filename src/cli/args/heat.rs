@@ -97,7 +97,7 @@ impl From<NodesName> for ExchangeNodes {
 /// `radiosity heat`.
 #[derive(Args, Debug)]
 pub struct HeatArgs {
-    /// The scene (OBJ)
+    /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// The boundary conditions: emissivities, temperatures, supplied heat, nodes; surroundings, sun and sky

@@ -9,7 +9,7 @@ use super::{CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, parse_pos
 /// `radiosity points`.
 #[derive(Args, Debug)]
 pub struct PointsArgs {
-    /// The scene (OBJ)
+    /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
     /// A table of points with the columns x, y, z in m and, where they face one way, nx, ny, nz

@@ -61,17 +61,18 @@ impl Format {
         let path = path.as_ref();
         let unreadable = |source| SceneError::new(Origin::file(path), SceneErrorKind::Unreadable { source });
         let Some(file) = input_file::open_to_look(path).map_err(unreadable)? else {
-            return Ok(Self::of_start(path, &[], 0));
+            let head = Head { bytes: &[], length: 0 };
+            return Ok(Self::of_start(path, &head));
         };
         let length = file.metadata().map_err(unreadable)?.len();
-        let mut head = Vec::new();
-        file.take(HEAD).read_to_end(&mut head).map_err(unreadable)?;
-        Ok(Self::of_start(path, &head, length))
+        let mut bytes = Vec::new();
+        file.take(HEAD).read_to_end(&mut bytes).map_err(unreadable)?;
+        let bytes = &bytes[..];
+        Ok(Self::of_start(path, &Head { bytes, length }))
     }
 
-    /// Returns the format of a file that begins with some bytes.
-    pub(super) fn of_start(path: &Path, bytes: &[u8], length: u64) -> Self {
-        let head = Head { bytes, length };
+    /// Returns the format of a file with some start.
+    pub(super) fn of_start(path: &Path, head: &Head<'_>) -> Self {
         let suffix = path.extension().map(|suffix| suffix.to_string_lossy().to_lowercase());
         let has_suffix = |format: &Self| {
             format
@@ -81,7 +82,7 @@ impl Format {
                 .any(|known| suffix.as_deref() == Some(*known))
         };
         // Of several that the content allows, the one of the suffix.
-        let shown = Self::all().filter(|format| format.0.recognises(&head));
+        let shown = Self::all().filter(|format| format.0.recognises(head));
         let best = shown.min_by_key(|format| !has_suffix(format));
         best.or_else(|| Self::all().find(has_suffix)).unwrap_or(Self(&obj::Obj))
     }

@@ -127,12 +127,7 @@ pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded
 /// Loads a scene as [`load_with`] does, if there is memory for it: `room` is asked before more is taken.
 pub(crate) fn load_within(path: &Path, options: &LoadOptions, room: Room<'_>) -> Result<Loaded, SceneError> {
     let source = Source::open(path, room)?;
-    let format = options.format.unwrap_or_else(|| {
-        let head = usize::try_from(reader::HEAD)
-            .unwrap_or(usize::MAX)
-            .min(source.bytes.len());
-        Format::of_start(path, &source.bytes[..head], source.bytes.len() as u64)
-    });
+    let format = options.format.unwrap_or_else(|| Format::of_start(path, &source.head()));
     let polygons = format.read(&source, options)?;
     // The text is done with before the tables of the scene are made.
     drop(source);

@@ -33,7 +33,7 @@ impl Reader for Ply {
     }
 
     fn read(&self, source: &Source<'_>, options: &LoadOptions) -> Result<Polygons, SceneError> {
-        let mut cursor = source.cursor();
+        let mut cursor = source.cursor()?;
         let (encoding, elements) = header(&mut cursor)?;
         cursor.is_little = encoding == Encoding::LittleEndian;
         let mut content = Content {

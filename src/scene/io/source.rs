@@ -1,9 +1,13 @@
 //! The bytes of a scene file, read as text or as binary numbers, with the place of whatever is wrong.
 
+use std::cell::OnceCell;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek as _, SeekFrom};
 use std::path::Path;
 use std::str::FromStr;
 
 use super::Counts;
+use super::reader::{HEAD, Head};
 use crate::input_file;
 use crate::scene::lines::line_after;
 use crate::scene::{Origin, SceneError, SceneErrorKind};
@@ -11,26 +15,77 @@ use crate::scene::{Origin, SceneError, SceneErrorKind};
 /// Asks whether there is memory for so many bytes more; an error refuses.
 pub(crate) type Room<'a> = &'a dyn Fn(u64) -> Result<(), SceneErrorKind>;
 
-/// A scene file in memory.
+/// Bytes that are read at once where a file is read as a stream.
+const BUFFER: usize = 1 << 20;
+
+/// A scene file: its start is read at once, the rest when a reader asks for it.
 pub(super) struct Source<'a> {
     pub(super) path: &'a Path,
-    pub(super) bytes: Vec<u8>,
     room: Room<'a>,
+    start: Vec<u8>,
+    length: u64,
+    /// `None` of what can be read only once, and has been.
+    file: Option<File>,
+    bytes: OnceCell<Vec<u8>>,
 }
 
 impl<'a> Source<'a> {
-    /// Reads a file, if there is room for it.
+    /// Opens a file and reads its start; a pipe is read whole.
     pub(super) fn open(path: &'a Path, room: Room<'a>) -> Result<Self, SceneError> {
-        let refused = |kind| SceneError::new(Origin::file(path), kind);
-        // What cannot be opened is told by who reads it.
-        if let Ok(Some(file)) = input_file::open_to_look(path)
-            && let Ok(data) = file.metadata()
-        {
-            room(data.len()).map_err(refused)?;
+        let refused = |source| SceneError::new(Origin::file(path), SceneErrorKind::Unreadable { source });
+        let file = input_file::open_to_look(path).map_err(refused)?;
+        let mut source = Self {
+            path,
+            room,
+            start: Vec::new(),
+            length: 0,
+            file: None,
+            bytes: OnceCell::new(),
+        };
+        if let Some(file) = file {
+            source.length = file.metadata().map_err(refused)?.len();
+            (&file).take(HEAD).read_to_end(&mut source.start).map_err(refused)?;
+            source.file = Some(file);
+        } else {
+            let all = input_file::read(path, u64::MAX).map_err(refused)?;
+            source.length = all.len() as u64;
+            source.start = all[..all.len().min(HEAD as usize)].to_vec();
+            source.bytes = all.into();
         }
-        let bytes =
-            input_file::read(path, u64::MAX).map_err(|source| refused(SceneErrorKind::Unreadable { source }))?;
-        Ok(Self { path, bytes, room })
+        Ok(source)
+    }
+
+    /// Returns the start of the file, and how long all is.
+    pub(super) fn head(&self) -> Head<'_> {
+        Head {
+            bytes: &self.start,
+            length: self.length,
+        }
+    }
+
+    /// Returns the whole file, if there is room for it.
+    pub(super) fn bytes(&self) -> Result<&[u8], SceneError> {
+        if let Some(known) = self.bytes.get() {
+            return Ok(known);
+        }
+        self.expect_room(self.length)?;
+        let mut all = Vec::new();
+        let mut stream = self.stream()?;
+        stream
+            .read_to_end(&mut all)
+            .map_err(|source| self.error(SceneErrorKind::Unreadable { source }))?;
+        Ok(self.bytes.get_or_init(|| all))
+    }
+
+    /// Returns the bytes of the file one after another, from its start, without the whole of it in memory; none that come after its length when it was opened.
+    pub(super) fn stream(&self) -> Result<Box<dyn Read + '_>, SceneError> {
+        let (None, Some(mut file)) = (self.bytes.get(), self.file.as_ref()) else {
+            let known = self.bytes.get().map_or(&[][..], Vec::as_slice);
+            return Ok(Box::new(known));
+        };
+        let at_start = file.seek(SeekFrom::Start(0));
+        at_start.map_err(|source| self.error(SceneErrorKind::Unreadable { source }))?;
+        Ok(Box::new(BufReader::with_capacity(BUFFER, file.take(self.length))))
     }
 
     /// Refuses what would take more memory than there is, before it is made.
@@ -50,18 +105,12 @@ impl<'a> Source<'a> {
 
     /// Returns the whole file as text.
     pub(super) fn text(&self) -> Result<&str, SceneError> {
-        text_of(self.path, &self.bytes)
+        text_of(self.path, self.bytes()?)
     }
 
-    /// Begins to read.
-    pub(super) fn cursor(&self) -> Cursor<'_> {
-        Cursor {
-            path: self.path,
-            bytes: &self.bytes,
-            at: 0,
-            line: 1,
-            is_little: true,
-        }
+    /// Begins to read the whole file.
+    pub(super) fn cursor(&self) -> Result<Cursor<'_>, SceneError> {
+        Ok(Cursor::of_bytes(self.path, self.bytes()?, true))
     }
 }
 

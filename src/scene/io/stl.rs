@@ -1,5 +1,7 @@
 //! 3D Systems' STL, ASCII and binary.
 
+use std::io::Read as _;
+
 use glam::DVec3;
 
 use super::polygons::{NONE, Names, Polygons};
@@ -34,12 +36,9 @@ impl Reader for Stl {
     }
 
     fn read(&self, source: &Source<'_>, _options: &LoadOptions) -> Result<Polygons, SceneError> {
-        let length = source.bytes.len() as u64;
-        let head = Head {
-            bytes: &source.bytes,
-            length,
-        };
-        if !has_binary_length(&source.bytes, length) && head.begins_with("solid") && !source.bytes.contains(&0) {
+        let head = source.head();
+        let may_be_ascii = !has_binary_length(head.bytes, head.length) && head.begins_with("solid");
+        if may_be_ascii && !source.bytes()?.contains(&0) {
             ascii(source)
         } else {
             binary(source)
@@ -91,6 +90,12 @@ impl<'a> Triangles<'a> {
         }
     }
 
+    fn reserve(&mut self, n: usize) {
+        self.polygons.vertices.reserve(3 * n);
+        self.polygons.corners.reserve(3 * n);
+        self.polygons.faces.reserve(n);
+    }
+
     fn push(&mut self, normal: DVec3, corners: [DVec3; 3], group: u32, number: u32) {
         let [a, b, c] = corners;
         if normal.dot((b - a).cross(c - a)) < 0.0 {
@@ -113,15 +118,30 @@ impl<'a> Triangles<'a> {
 }
 
 fn binary(source: &Source<'_>) -> Result<Polygons, SceneError> {
-    let mut cursor = source.cursor();
-    cursor.take(80, "the header of 80 bytes")?;
-    let n: u32 = cursor.binary("the number of triangles")?;
-    let n = cursor
-        .count(n.into(), TRIANGLE, "triangles")
-        .map_err(|error| source.error(error.kind))?;
-    source.expect(counts(n as u64))?;
+    let mut stream = source.stream()?;
+    let mut fill = |bytes: &mut [u8], what: &'static str| {
+        stream.read_exact(bytes).map_err(|error| {
+            source.error(match error.kind() {
+                std::io::ErrorKind::UnexpectedEof => SceneErrorKind::CutShort { what },
+                _ => SceneErrorKind::Unreadable { source: error },
+            })
+        })
+    };
+    let (mut header, mut count) = ([0; HEADER as usize - 4], [0; 4]);
+    fill(&mut header, "the header of 80 bytes")?;
+    fill(&mut count, "the number of triangles")?;
+    let (n, what) = (u32::from_le_bytes(count).into(), "triangles");
+    let room = (source.head().length - HEADER) / TRIANGLE;
+    if n > room {
+        return Err(source.error(SceneErrorKind::Truncated { what, n, room }));
+    }
+    source.expect(counts(n))?;
     let mut triangles = Triangles::new(source, Numbering::elements("triangle", 1));
-    for number in (1..).take(n) {
+    triangles.reserve(usize::try_from(n).unwrap_or(0));
+    let mut record = [0; TRIANGLE as usize];
+    for number in (1_u32..).take(usize::try_from(n).unwrap_or(0)) {
+        fill(&mut record, "a triangle")?;
+        let mut cursor = Cursor::of_bytes(source.path, &record, true);
         let mut point = |is_corner: bool| {
             let mut numbers = [0.0; 3];
             for x in &mut numbers {
@@ -139,16 +159,15 @@ fn binary(source: &Source<'_>) -> Result<Polygons, SceneError> {
         };
         let normal = point(false)?;
         let corners = [point(true)?, point(true)?, point(true)?];
-        cursor.take(2, "a triangle")?;
         triangles.push(normal, corners, NONE, number);
     }
     Ok(triangles.end())
 }
 
 fn ascii(source: &Source<'_>) -> Result<Polygons, SceneError> {
-    let mut cursor = source.cursor();
+    let mut cursor = source.cursor()?;
     let n_corners = source
-        .bytes
+        .bytes()?
         .windows(6)
         .filter(|word| word.eq_ignore_ascii_case(b"vertex"))
         .count() as u64;

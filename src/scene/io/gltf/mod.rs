@@ -53,7 +53,7 @@ impl Reader for Gltf {
     }
 
     fn read(&self, source: &Source<'_>, options: &LoadOptions) -> Result<Polygons, SceneError> {
-        let (json, binary) = parts(&source.bytes).map_err(|kind| source.error(kind))?;
+        let (json, binary) = parts(source.bytes()?).map_err(|kind| source.error(kind))?;
         let document = parse(json).map_err(|kind| source.error(kind))?;
         if let Some(name) = document
             .required

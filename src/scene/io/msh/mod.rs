@@ -35,7 +35,7 @@ impl Reader for Msh {
     }
 
     fn read(&self, source: &Source<'_>, _options: &LoadOptions) -> Result<Polygons, SceneError> {
-        let mut cursor = source.cursor();
+        let mut cursor = source.cursor()?;
         let mut file = MeshFile::new(source);
         while let Some((_, name)) = cursor.next_full_line()? {
             if !name.starts_with('$') {

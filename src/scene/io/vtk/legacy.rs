@@ -28,7 +28,7 @@ struct Legacy<'a> {
 }
 
 pub(super) fn read(source: &Source<'_>) -> Result<Dataset, SceneError> {
-    let mut cursor = source.cursor();
+    let mut cursor = source.cursor()?;
     // The version and a title.
     cursor.next_full_line()?;
     cursor.next_line()?;

@@ -32,11 +32,7 @@ impl Reader for Vtk {
     }
 
     fn read(&self, source: &Source<'_>, options: &LoadOptions) -> Result<Polygons, SceneError> {
-        let head = Head {
-            bytes: &source.bytes,
-            length: source.bytes.len() as u64,
-        };
-        let dataset = if head.begins_with("<") {
+        let dataset = if source.head().begins_with("<") {
             xml::read(source)?
         } else {
             legacy::read(source)?

@@ -43,7 +43,7 @@ struct File<'a> {
 
 pub(super) fn read(source: &Source<'_>) -> Result<Dataset, SceneError> {
     // What is appended need be no text.
-    let bytes = &source.bytes;
+    let bytes = source.bytes()?;
     let tag = b"<AppendedData";
     let end = bytes.windows(tag.len()).position(|window| window == tag);
     let text = text_of(source.path, &bytes[..end.unwrap_or(bytes.len())])?;
