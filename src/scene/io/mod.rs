@@ -15,6 +15,7 @@ mod arrays;
 mod assemble;
 mod cells;
 mod creases;
+mod feed;
 mod format;
 mod gltf;
 mod msh;

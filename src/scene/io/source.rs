@@ -158,6 +158,8 @@ pub(super) struct Cursor<'a> {
     line: u32,
     /// True if the least byte of a binary number comes first.
     pub(super) is_little: bool,
+    /// Bytes of the file that come after these.
+    beyond: u64,
 }
 
 impl<'a> Cursor<'a> {
@@ -169,7 +171,18 @@ impl<'a> Cursor<'a> {
             at: 0,
             line: 1,
             is_little,
+            beyond: 0,
         }
+    }
+
+    /// Notes how many bytes of the file come after these.
+    pub(super) fn before(self, beyond: u64) -> Self {
+        Self { beyond, ..self }
+    }
+
+    /// Returns how many bytes of the file are left.
+    pub(super) fn left(&self) -> u64 {
+        self.rest().len() as u64 + self.beyond
     }
 
     /// Returns the bytes that are left.
@@ -274,7 +287,7 @@ impl<'a> Cursor<'a> {
 
     /// Returns a count that a file states of things that take at least so many bytes each, if there is room for them.
     pub(super) fn count(&self, n: u64, least_bytes: u64, what: &'static str) -> Result<usize, SceneError> {
-        let room = self.rest().len() as u64 / least_bytes.max(1);
+        let room = self.left() / least_bytes.max(1);
         match usize::try_from(n) {
             Ok(count) if n <= room => Ok(count),
             _ => Err(self.error(SceneErrorKind::Truncated { what, n, room })),

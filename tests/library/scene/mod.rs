@@ -7,4 +7,5 @@ mod camera;
 mod facing;
 mod formats;
 mod load;
+mod streams;
 mod write;
