@@ -29,6 +29,7 @@ def test_a_furnace_on_voxels_is_one_light() -> None:
     np.testing.assert_array_equal(voxels.normal[floor], np.broadcast_to([0.0, 0.0, 1.0], (floor.sum(), 3)))
 
 
+@pytest.mark.filterwarnings("ignore:.*unshot light is left")
 def test_passes_near_the_solution() -> None:
     model = cube(reflectance=0.5, exitance={"ceiling": 1.0, "*": 0.0})
     solved = model.voxels(10, radius=6, solver="auto", tolerance=1e-9)

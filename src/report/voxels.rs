@@ -21,7 +21,7 @@ struct VoxelDescription<'a> {
     settings: &'a Map<String, Value>,
 }
 
-/// Writes one VTK_VOXEL for each surfel, with its surface, normal, area, radiosity and irradiance; whole or not at all.
+/// Writes one VTK_HEXAHEDRON for each surfel (meshio reads no VTK_VOXEL), with its surface, normal, area, radiosity and irradiance; whole or not at all.
 ///
 /// A voxel with several surfels stands as often. Positions in m, area in m², radiosity and irradiance in W·m⁻². `settings`: how the values were computed.
 ///
@@ -54,10 +54,10 @@ pub fn write_vtu(
     let mut cells: Vec<[usize; 8]> = Vec::with_capacity(n);
     for surfel in &voxels.surfels {
         let [x, y, z] = surfel.voxel();
-        // VTK_VOXEL: x fastest.
+        // VTK_HEXAHEDRON: around the lower face, then around the upper one.
         cells.push(std::array::from_fn(|k| {
-            let bit = |a: usize| i32::from(k >> a & 1 == 1);
-            let corner = [x + bit(0), y + bit(1), z + bit(2)];
+            let [dx, dy] = [[0, 0], [1, 0], [1, 1], [0, 1]][k % 4];
+            let corner = [x + dx, y + dy, z + i32::from(k >= 4)];
             *id_of_corner.entry(corner).or_insert_with(|| {
                 corners.push(corner);
                 corners.len() - 1
@@ -89,7 +89,7 @@ pub fn write_vtu(
             (1..=n).map(|k| [8 * k]),
             usize::to_string,
         )?;
-        vtu::write_numbers(writer, "UInt8", "types", 1, (0..n).map(|_| [11]), i32::to_string)?;
+        vtu::write_numbers(writer, "UInt8", "types", 1, (0..n).map(|_| [12]), i32::to_string)?;
         writeln!(writer, "</Cells>\n<CellData>")?;
         vtu::write_numbers(writer, "Int64", "surface", 1, surfaces, u32::to_string)?;
         vtu::write_numbers(writer, "Float64", "normal", 3, normals, number)?;

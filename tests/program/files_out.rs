@@ -145,6 +145,11 @@ fn vtk_files_hold_no_strings() {
         let parsed: Value = serde_json::from_str(description.trim_end_matches('\0')).unwrap();
         assert!(parsed["format"].as_str().unwrap().starts_with("radiosity"), "{name}");
     }
+    // VTK_HEXAHEDRON, which all readers know.
+    let voxels = text(directory.path(), "V.vtu");
+    let (_, types) = voxels.split_once("Name=\"types\"").unwrap();
+    let (types, _) = types.split_once('>').unwrap().1.split_once('<').unwrap();
+    assert!(types.split_whitespace().count() > 20 && types.split_whitespace().all(|kind| kind == "12"));
     for name in ["F.vtu", "B.vtu"] {
         assert!(text(directory.path(), name).contains("Name=\"sky_factor\""), "{name}");
     }
