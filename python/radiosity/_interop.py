@@ -66,7 +66,8 @@ def from_pyvista(mesh: Any, /, *, surface_array: str = "surface", **settings: Un
     mesh : pyvista.DataSet
         Its surface cells; of a grid of volume cells the outer surface. Quads and larger polygons stay.
     surface_array : str
-        The cell array whose values are the surfaces, where there is one of that name.
+        The cell array whose values are the surfaces, where there is one of that name; with names as
+        `Model.to_pyvista` writes them, where there are some.
     **settings
         As of `Model`.
 
@@ -82,7 +83,12 @@ def from_pyvista(mesh: Any, /, *, surface_array: str = "surface", **settings: Un
     poly = mesh if hasattr(mesh, "faces") else mesh.extract_surface()
     faces = _polygons(np.asarray(poly.faces))
     if "surfaces" not in settings and surface_array in poly.cell_data:
-        settings["surfaces"] = np.asarray(poly.cell_data[surface_array]).tolist()
+        values = np.asarray(poly.cell_data[surface_array])
+        names = np.asarray(poly.field_data.get("surface_name", []))
+        # As `Model.to_pyvista` writes them: the values are places in the names.
+        if names.dtype.kind == "U" and values.dtype.kind in "iu" and 0 <= values.min(initial=0) <= values.max(initial=0) < len(names):
+            values = names[values]
+        settings["surfaces"] = values.tolist()
     return Model(np.asarray(poly.points, dtype=np.float64), faces, **settings)
 
 
@@ -105,7 +111,8 @@ def from_meshio(mesh: Any, /, *, surface_array: str = "gmsh:physical", **setting
     mesh : meshio.Mesh
         Cells of other kinds are left out.
     surface_array : str
-        The cell data whose values are the surfaces, where there is one of that name.
+        The cell data whose values are the surfaces, where there is one of that name. Physical groups of gmsh
+        have the names that `field_data` gives them.
     **settings
         As of `Model`.
 
@@ -118,6 +125,10 @@ def from_meshio(mesh: Any, /, *, surface_array: str = "gmsh:physical", **setting
     ArgumentError, SceneError
         As of `Model`.
     """
+    names = {}
+    if surface_array == "gmsh:physical":
+        groups = mesh.field_data.items()
+        names = {int(group[0]): name for name, group in groups if len(group) == 2 and group[1] == 2}
     faces: list[NDArray[np.int64]] = []
     values: list[Any] = []
     arrays = mesh.cell_data.get(surface_array)
@@ -126,7 +137,8 @@ def from_meshio(mesh: Any, /, *, surface_array: str = "gmsh:physical", **setting
             continue
         faces.extend(np.asarray(block.data))
         if arrays is not None:
-            values.extend(np.asarray(arrays[k]).tolist())
+            own = np.asarray(arrays[k]).tolist()
+            values.extend([names.get(value, f"surface{value}") for value in own] if names else own)
     if arrays is not None and "surfaces" not in settings:
         settings["surfaces"] = values
     points = np.asarray(mesh.points, dtype=np.float64)

@@ -153,6 +153,9 @@ def test_meshio_meshes() -> None:
     model = rd.from_meshio(meshio.Mesh(np.array(CUBE), cells, cell_data=data))
     assert model.surfaces == ["surface1", "surface2", "surface3"]
     assert model.n_patches == 6
+    groups = {"floor": np.array([1, 2]), "lid": np.array([3, 2]), "rim": np.array([9, 1])}
+    named = rd.from_meshio(meshio.Mesh(np.array(CUBE), cells, cell_data=data, field_data=groups))
+    assert named.surfaces == ["floor", "surface2", "lid"]
 
 
 def test_pyvista_there_and_back() -> None:
@@ -164,7 +167,7 @@ def test_pyvista_there_and_back() -> None:
     assert list(mesh.field_data["surface_name"]) == SIDES
     np.testing.assert_array_equal(mesh.cell_data["radiosity"], np.arange(24.0))
     back = rd.from_pyvista(mesh)
-    assert back.n_patches == 24 and len(back.surfaces) == 6
+    assert back.n_patches == 24 and back.surfaces == SIDES
     np.testing.assert_array_equal(back.patch_surface, model.patch_surface)
     with pytest.warns(rd.RadiosityWarning, match="no face sees another"):
         assert rd.from_pyvista(pyvista.Cube()).n_patches == 6
