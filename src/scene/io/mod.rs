@@ -106,6 +106,8 @@ impl Counts {
 /// Accuracy: coordinates, reflectance and exitance are the nearest f64 to the text, or the numbers of a binary file. How far they may be off what was meant, by the digits of the text or the 24 bits of a binary f32,
 /// is in [`Scene::written`], and is part of the errors of form factors.
 ///
+/// Memory: binary STL and PLY are read as streams; a file of another format is in memory as a whole while it is read. No count of a file is believed beyond what its length allows.
+///
 /// # Errors
 /// [`SceneError`], with file, line or element, and remedy: files that cannot be read, are cut short, or hold less than their header says, coordinates or indices that are none, faces with fewer than three
 /// corners, outlines that cross themselves, faces of the same winding that coincide, reflectances outside \[0, 1\], exitances that are negative, above [`MAX_EXITANCE`](super::MAX_EXITANCE), or above 0 and below [`MIN_EXITANCE`](super::MIN_EXITANCE),
