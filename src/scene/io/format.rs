@@ -66,7 +66,7 @@ impl Format {
         };
         let length = file.metadata().map_err(unreadable)?.len();
         let mut bytes = Vec::new();
-        file.take(HEAD).read_to_end(&mut bytes).map_err(unreadable)?;
+        file.take(HEAD as u64).read_to_end(&mut bytes).map_err(unreadable)?;
         let bytes = &bytes[..];
         Ok(Self::of_start(path, &Head { bytes, length }))
     }

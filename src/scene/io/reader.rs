@@ -9,7 +9,7 @@ use super::source::Source;
 use crate::scene::SceneError;
 
 /// Bytes at the start of a file that show its format.
-pub(super) const HEAD: u64 = 1 << 16;
+pub(super) const HEAD: usize = 1 << 16;
 
 /// A format of scene files: what it is called, how its files are known, and what they hold.
 pub(super) trait Reader: Sync {

@@ -44,12 +44,15 @@ impl<'a> Source<'a> {
         };
         if let Some(file) = file {
             source.length = file.metadata().map_err(refused)?.len();
-            (&file).take(HEAD).read_to_end(&mut source.start).map_err(refused)?;
+            (&file)
+                .take(HEAD as u64)
+                .read_to_end(&mut source.start)
+                .map_err(refused)?;
             source.file = Some(file);
         } else {
             let all = input_file::read(path, u64::MAX).map_err(refused)?;
             source.length = all.len() as u64;
-            source.start = all[..all.len().min(HEAD as usize)].to_vec();
+            source.start = all[..all.len().min(HEAD)].to_vec();
             source.bytes = all.into();
         }
         Ok(source)

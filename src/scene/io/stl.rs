@@ -12,8 +12,8 @@ use crate::scene::builder::FirstAndCount;
 use crate::scene::{MAX_COORDINATE, Numbering, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind, Written};
 
 /// Bytes of a binary file before its triangles, and of each triangle.
-const HEADER: u64 = 84;
-const TRIANGLE: u64 = 50;
+const HEADER: usize = 84;
+const TRIANGLE: usize = 50;
 
 /// The format.
 pub(super) struct Stl;
@@ -52,7 +52,7 @@ fn has_binary_length(bytes: &[u8], length: u64) -> bool {
         .get(80..84)
         .and_then(|count| count.try_into().ok())
         .map(u32::from_le_bytes);
-    count.is_some_and(|count| length == HEADER + TRIANGLE * u64::from(count))
+    count.is_some_and(|count| length == HEADER as u64 + TRIANGLE as u64 * u64::from(count))
 }
 
 fn is_ascii(head: &Head<'_>) -> bool {
@@ -127,18 +127,18 @@ fn binary(source: &Source<'_>) -> Result<Polygons, SceneError> {
             })
         })
     };
-    let (mut header, mut count) = ([0; HEADER as usize - 4], [0; 4]);
+    let (mut header, mut count) = ([0; HEADER - 4], [0; 4]);
     fill(&mut header, "the header of 80 bytes")?;
     fill(&mut count, "the number of triangles")?;
     let (n, what) = (u32::from_le_bytes(count).into(), "triangles");
-    let room = (source.head().length - HEADER) / TRIANGLE;
+    let room = (source.head().length - HEADER as u64) / TRIANGLE as u64;
     if n > room {
         return Err(source.error(SceneErrorKind::Truncated { what, n, room }));
     }
     source.expect(counts(n))?;
     let mut triangles = Triangles::new(source, Numbering::elements("triangle", 1));
     triangles.reserve(usize::try_from(n).unwrap_or(0));
-    let mut record = [0; TRIANGLE as usize];
+    let mut record = [0; TRIANGLE];
     for number in (1_u32..).take(usize::try_from(n).unwrap_or(0)) {
         fill(&mut record, "a triangle")?;
         let mut cursor = Cursor::of_bytes(source.path, &record, true);

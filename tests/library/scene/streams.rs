@@ -114,7 +114,7 @@ fn a_long_binary_file_has_what_its_text_has() {
         assert!(bytes.len() > 3 << 20, "longer than what is read at once");
         let scene = scene_of(directory.path(), name, &bytes);
         assert_eq!(scene.vertices, expected.vertices, "{name}");
-        let corners = |scene: &Scene| scene.faces.iter().map(|face| face.corners).collect::<Vec<_>>();
+        let corners = |of: &Scene| of.faces.iter().map(|face| face.corners).collect::<Vec<_>>();
         assert_eq!(corners(&scene), corners(&expected), "{name}");
     }
 }
