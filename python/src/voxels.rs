@@ -47,9 +47,9 @@ fn light(py: Python<'_>, options: &Options<'_>) -> PyResult<VoxelLight> {
     match (cells, solver) {
         (Some(_), Some(_)) => wrong("solver: not along with adaptive"),
         (Some(_), None) if form.is_some() => wrong("form: not along with adaptive"),
-        (Some(tolerance), None) => Ok(VoxelLight::Cells {
+        (Some(change), None) => Ok(VoxelLight::Cells {
             passes: n_passes,
-            tolerance,
+            tolerance: change,
             coarsest: match coarsest {
                 Some(7..) => return wrong("coarsest: 2^L voxels, with L up to 6"),
                 known => known.unwrap_or(VoxelRequest::COARSEST),
