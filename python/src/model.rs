@@ -378,7 +378,7 @@ impl Model {
         crate::field::field(py, &self.shared, surface, &Options::new(options)?, progress)
     }
 
-    /// Renders a sequence of images into files; returns what there is to say of them.
+    /// Renders a sequence of images into files; returns the document as the program prints it.
     fn render_frames(
         &self,
         py: Python<'_>,

@@ -156,7 +156,7 @@ impl VoxelSolution {
         self.warnings.clone()
     }
 
-    /// What was found, as the program prints it.
+    /// Voxels, links and surfaces, as the program prints them.
     #[getter]
     fn record(&self) -> String {
         let model = self.shared.lock();
