@@ -54,7 +54,14 @@ def test_an_image_and_a_file(tmp_path: Path) -> None:
     voxels.save(tmp_path / "B.vtu")
     meshio = pytest.importorskip("meshio")
     mesh = meshio.read(tmp_path / "B.vtu")
-    np.testing.assert_array_equal(mesh.cell_data["radiosity"][0], voxels.radiosity)
+    np.testing.assert_array_equal(mesh.cell_data["radiosity"][0].ravel(), voxels.radiosity)
+    assert [block.type for block in mesh.cells] == ["hexahedron"]
+    corners = mesh.points[mesh.cells[0].data]
+    np.testing.assert_allclose(corners.mean(axis=1), voxels.centre, atol=1e-12)
+    # Around the lower face counter-clockwise, then up: the volume is positive, and that of a cube.
+    edges = [corners[:, k] - corners[:, 0] for k in (1, 3, 4)]
+    volume = np.einsum("ij,ij->i", np.cross(edges[0], edges[1]), edges[2])
+    np.testing.assert_allclose(volume, voxels.figures["voxel_size_m"] ** 3, rtol=1e-9)
     with pytest.raises(rd.ArgumentError, match="written as .vtu"):
         voxels.save(tmp_path / "B.exr")
 
