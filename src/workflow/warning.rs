@@ -1,5 +1,6 @@
 //! What a study has to warn of: what is wrong, the number, the consequence, and the parameter that helps.
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
@@ -104,7 +105,6 @@ pub enum Warning {
         offset: f64,
     },
     /// Light leaks under what stands on patches that are not cut at contact edges.
-    #[serde(skip)]
     LightLeak {
         /// How many patches.
         n_patches: usize,
@@ -113,13 +113,11 @@ pub enum Warning {
         /// Its error, in `unit`.
         error: f64,
         /// W or m2.
-        #[serde(skip)]
-        unit: &'static str,
+        unit: Cow<'static, str>,
         /// The part of `whole` that it is.
         relative: f64,
         /// What it is a part of.
-        #[serde(skip)]
-        whole: &'static str,
+        whole: Cow<'static, str>,
         /// True if the form factors are from a file, so that they are to be computed again.
         is_from_file: bool,
     },

@@ -296,9 +296,9 @@ fn tables() {
             n_read += read;
             n_refused += refused;
         }
-        // Of 1200: rows may change places, and digits their value.
+        // Of 1200: mutations that only change digits, blanks or names of other columns leave a valid table; times must increase.
         assert!(
-            n_read > 100 && n_refused > 400,
+            n_read > 20 && n_refused > 300,
             "{n_read} read, {n_refused} refused: {text}"
         );
     }

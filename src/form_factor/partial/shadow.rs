@@ -340,9 +340,14 @@ impl Shadows {
     }
 }
 
-/// Returns which half-spaces, by their bits, have a part of a convex fragment outside of them; `None` if one has all of it outside.
-#[inline]
-pub(super) fn overlap(fragment: &[DVec3], half_spaces: &[HalfSpace]) -> Option<u64> {
+/// Adds to `out` the convex pieces of a convex fragment that lie outside of at least one half-space; returns false if that is all of it, and else leaves the other part in `rest`.
+pub(super) fn subtract(
+    fragment: &[DVec3],
+    half_spaces: &[HalfSpace],
+    out: &mut Fragments,
+    rest: &mut Vec<DVec3>,
+    piece: &mut Vec<DVec3>,
+) -> bool {
     // Not f64::max, which takes care of NaN.
     let longer = |reach: f64, r: &DVec3| {
         let length = r.abs().element_sum();
@@ -359,27 +364,13 @@ pub(super) fn overlap(fragment: &[DVec3], half_spaces: &[HalfSpace]) -> Option<u
         }
         let slack = half_space.slack[0] + half_space.slack[1] * reach;
         if high <= slack {
-            return None;
+            out.push(fragment);
+            return false;
         }
         if low < -slack {
             cutting |= 1 << (k & 63);
         }
     }
-    Some(cutting)
-}
-
-/// Adds to `out` the convex pieces of a convex fragment that lie outside of at least one half-space; returns false if that is all of it, and else leaves the other part in `rest`.
-pub(super) fn subtract(
-    fragment: &[DVec3],
-    half_spaces: &[HalfSpace],
-    out: &mut Fragments,
-    rest: &mut Vec<DVec3>,
-    piece: &mut Vec<DVec3>,
-) -> bool {
-    let Some(cutting) = overlap(fragment, half_spaces) else {
-        out.push(fragment);
-        return false;
-    };
     rest.clear();
     rest.extend_from_slice(fragment);
     for (k, half_space) in half_spaces.iter().enumerate() {

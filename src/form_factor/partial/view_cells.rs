@@ -5,13 +5,14 @@
 //! Source: J. E. Warnock, "A Hidden Surface Algorithm for Computer Generated Halftone Pictures", University of Utah, 1969. Departures: pyramids of directions instead of windows of a screen, and exact cuts
 //! instead of pixels at the end.
 
+use std::f64::consts::PI;
 use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
 use super::free_point::{PointViews, SeenPart};
 use super::plates::{Ball, Plate};
-use super::shadow::{Fragments, HalfSpace, overlap, subtract};
+use super::shadow::{Fragments, HalfSpace, subtract};
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
 
@@ -22,7 +23,7 @@ const FEW: usize = 4;
 const LOOKS: usize = 4;
 
 /// Halvings of one of the six pyramids, at most: about a corner of many faces they would not end.
-const MAX_HALVINGS: u32 = 30;
+const MAX_HALVINGS: u32 = 20;
 
 /// Widths of the six pyramids, and the place of a cut in a cell: numbers that no scene has, so that no edge lies in the side of a cell.
 const WIDTHS: DVec3 = DVec3::new(1.0, 1.043_728_173, 0.971_346_289);
@@ -44,8 +45,6 @@ pub(crate) struct Scratch {
     balls: Vec<Ball>,
     corners: Vec<DVec3>,
     whole: Vec<DVec3>,
-    /// The occluders before a patch, each with the area that it may hide.
-    before: Vec<(usize, f64)>,
     cutting: Cutting,
 }
 
@@ -192,10 +191,9 @@ impl Extent {
         self.low.cmple(cell.low + rounding).all() && self.high.cmpge(cell.high - rounding).all()
     }
 
-    /// Returns the area, in directions, of the part of something of another extent that something of this one may hide; `None` if there is no such part.
-    fn hiding(&self, other: &Self) -> Option<f64> {
-        let size = self.high.min(other.high) - self.low.max(other.low);
-        (self.near < other.far && size.cmpgt(DVec2::ZERO).all()).then_some(size.x * size.y)
+    /// Tells whether something of this extent may hide a part of something of another.
+    fn may_hide(&self, other: &Self) -> bool {
+        self.near < other.far && self.low.cmplt(other.high).all() && other.low.cmplt(self.high).all()
     }
 }
 
@@ -456,7 +454,6 @@ impl<'a, V: FnMut(&SeenPart<'_>)> View<'a, V> {
             distances,
             items,
             corners,
-            before,
             cutting,
             ..
         } = &mut *self.scratch;
@@ -477,20 +474,14 @@ impl<'a, V: FnMut(&SeenPart<'_>)> View<'a, V> {
                     }
                 }
             }
-            before.clear();
             let others = items.iter().filter(|item| item.hides && item.own != target.own);
-            before.extend(others.filter_map(|item| Some((item.own, item.extent.hiding(&target.extent)?))));
-            // The larger parts come first, so that little is left for the others to cut.
-            before.sort_unstable_by(|a, b| b.1.total_cmp(&a.1));
-            for &(own, _) in before.iter() {
-                let pyramid = &half_spaces[pyramids[own].clone()];
-                let occluder = &views.occluders[own];
-                if cutting.is_apart_from(pyramid) || views.is_before(plate, occluder, point) {
-                    continue;
-                }
-                if cutting.cut_away(pyramid) {
+            for item in others.filter(|item| item.extent.may_hide(&target.extent)) {
+                let occluder = &views.occluders[item.own];
+                if !views.is_before(plate, occluder, point)
+                    && cutting.cut_away(&half_spaces[pyramids[item.own].clone()])
+                {
                     let distance = || polygon::distance(point, &occluder.corners);
-                    self.nearest = self.nearest.min(*distances[own].get_or_insert_with(distance));
+                    self.nearest = self.nearest.min(*distances[item.own].get_or_insert_with(distance));
                 }
                 if cutting.fragments.is_empty() {
                     break;
@@ -522,7 +513,7 @@ fn border_of(corners: &[DVec3], sides: &[DVec3], reach: f64) -> (f64, f64) {
             let t = (-a.dot(edge) / edge.length_squared()).clamp(0.0, 1.0);
             let distance = (a + t * edge).length();
             nearest = nearest.min(distance);
-            border += edge.length() / distance.max(f64::MIN_POSITIVE);
+            border += (edge.length() / distance.max(f64::MIN_POSITIVE)).min(PI);
         }
         a = b;
     }
@@ -607,12 +598,6 @@ impl Cutting {
         let is_cut = !half_spaces.is_empty() && self.cut_away(&half_spaces);
         self.cover = half_spaces;
         is_cut
-    }
-
-    /// Tells whether no fragment reaches into all half-spaces.
-    fn is_apart_from(&self, half_spaces: &[HalfSpace]) -> bool {
-        let mut fragments = self.fragments.iter();
-        fragments.all(|fragment| overlap(fragment, half_spaces).is_none())
     }
 
     /// Cuts what lies in all half-spaces from the fragments; tells whether that is anything.
