@@ -459,7 +459,7 @@ impl<'a, V: FnMut(&SeenPart<'_>)> View<'a, V> {
         } = &mut *self.scratch;
         let items = &items[first..];
         let sides = cell.sides();
-        for target in items.iter() {
+        for target in items {
             let Some((patch, is_back)) = target.patch else {
                 continue;
             };
