@@ -240,7 +240,10 @@ fn an_interrupted_path_goes_on() {
     std::fs::remove_file(&file).unwrap();
     let (whole, others, expected) = run(usize::MAX);
     assert_eq!(all, others);
-    assert!(expected.iter().any(|one| matches!(one, Warning::LightLeak { .. })), "{expected:?}");
+    assert!(
+        expected.iter().any(|one| matches!(one, Warning::LightLeak { .. })),
+        "{expected:?}"
+    );
     assert_eq!(warnings, expected);
     let whole = whole.unwrap();
     assert_eq!((whole.n_resumed, whole.n_passes), (0, resumed.n_passes));
@@ -275,9 +278,9 @@ fn a_path_with_other_form_factors_begins_anew() {
         let factors = model.form_factors(&shooting, Need::AsTheyAre, &mut cx).unwrap();
         let sums = factors.factors.row_sums();
         // So that nothing but the blocks themselves tells one run from another.
-        let mut cx = Context::default();
-        cx.checkpoint_file = Some(directory.path().join("path.checkpoint"));
-        let found = model.solve_along_sun_path(&factors, (&path, None), &request, None, &mut cx);
+        let mut of_path = Context::default();
+        of_path.checkpoint_file = Some(directory.path().join("path.checkpoint"));
+        let found = model.solve_along_sun_path(&factors, (&path, None), &request, None, &mut of_path);
         (found.unwrap().n_resumed, sums)
     };
     let [(first, sums), (again, _), (other, other_sums)] = [1, 1, 2].map(run);
