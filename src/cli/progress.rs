@@ -66,6 +66,11 @@ impl Bars {
         }
     }
 
+    /// Writes something to stderr while the bar is away.
+    pub(super) fn aside(&self, write: impl FnOnce()) {
+        locked(&self.stage).bar.suspend(write);
+    }
+
     /// Removes the bar.
     pub(super) fn finish(&self) {
         locked(&self.stage).bar.finish_and_clear();
@@ -152,7 +157,7 @@ impl Progress for Bars {
     fn forecast(&self, forecast: &Forecast) {
         if forecast.asked.1 > Forecast::LONG && !self.quiet {
             let warning = Warning::LongWork(forecast.clone()).text(&flag);
-            locked(&self.stage).bar.suspend(|| super::warn(&warning));
+            self.aside(|| super::warn(&warning));
         }
     }
 

@@ -43,10 +43,7 @@ impl Run {
         cx.naming = flag;
         if !common.quiet {
             let bars = Arc::clone(&bars);
-            cx = cx.on_warning(move |warning| {
-                bars.finish();
-                warn(&warning.text(&flag));
-            });
+            cx = cx.on_warning(move |warning| bars.aside(|| warn(&warning.text(&flag))));
         }
         Self {
             command,
@@ -243,9 +240,13 @@ impl Run {
         Document::new(self.command, &self.cx, warnings.collect(), result)
     }
 
-    /// Returns the document of a command.
+    /// Returns the document of a command; without `--json`, which alone prints it, it is null: that of many times takes gigabytes.
     pub(super) fn document(&self, result: impl Serialize) -> Value {
-        in_order(&self.typed_document(result))
+        if self.common.json {
+            in_order(&self.typed_document(result))
+        } else {
+            Value::Null
+        }
     }
 
     /// Returns the document of a command that prepared a scene: with what was left out, and what was chosen.

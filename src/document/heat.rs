@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use super::{FormFactorRecord, Quality};
-use crate::heat::{HeatBalance, PointStatus, PointView, SurfaceHeat};
-use crate::workflow::{FormFactorStudy, HeatStudy, MeshError, Model};
+use super::FormFactorRecord;
+use crate::heat::{PointStatus, PointView};
+use crate::workflow::{FormFactorStudy, HeatStep, HeatStudy, Model};
 
 /// The result of `heat`.
 #[derive(Clone, Debug, Serialize)]
@@ -12,19 +12,9 @@ use crate::workflow::{FormFactorStudy, HeatStudy, MeshError, Model};
 pub struct HeatDocument {
     /// How many patches there are.
     pub n_patches: usize,
-    /// The surfaces, in file order.
-    pub surfaces: Vec<SurfaceHeat>,
-    /// Where the heat comes from and goes.
+    /// Temperatures, fluxes and their balance.
     #[serde(flatten)]
-    pub balance: HeatBalance,
-    /// The greatest error of a surface's irradiance, relative to the larger of that and its emissive power.
-    pub relative_error_max: f64,
-    /// The change by a mesh of about a quarter of the patches; null where that is not known.
-    pub mesh_error: Option<MeshError>,
-    /// How good the solution of the solar band is; null without sun and sky.
-    pub solar: Option<Quality>,
-    /// How good that of the thermal band is.
-    pub thermal: Quality,
+    pub result: HeatStep,
     /// The form factors.
     pub form_factors: FormFactorRecord,
 }
@@ -35,12 +25,7 @@ impl HeatDocument {
     pub fn new(model: &Model, factors: &FormFactorStudy, study: &HeatStudy) -> Self {
         Self {
             n_patches: model.mesh.n_patches(),
-            surfaces: study.heat.surfaces.clone(),
-            balance: study.heat.balance,
-            relative_error_max: study.heat.relative_error,
-            mesh_error: study.mesh_error.clone(),
-            solar: study.solar.as_ref().map(|solution| Quality::new(solution, study.error)),
-            thermal: Quality::new(&study.thermal, study.error),
+            result: HeatStep::new(study),
             form_factors: factors.into(),
         }
     }

@@ -17,7 +17,8 @@ use crate::matrix::{Entry, UpperBounds};
 use crate::mesh::{Mesh, PatchId, mean_value_weights};
 use crate::scene::{FaceId, Scene, Written};
 use crate::visibility::occluders::{OccluderId, OccluderIndex, PairVisibility};
-use crate::visibility::shaft::{Lean, Shaft};
+use crate::visibility::plane::Lean;
+use crate::visibility::shaft::Shaft;
 use behind::{Glance, Plane};
 
 /// So many standard deviations are stated, as far as all coordinates off by half a unit the worst way do not make less.

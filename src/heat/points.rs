@@ -9,10 +9,9 @@ use super::band::Band;
 use super::boundary::{Boundary, Sun};
 use super::emissive_power;
 use super::thermal::Stated;
-use crate::form_factor::partial::{Place, PointViews};
+use crate::form_factor::partial::{Place, PointViews, Scratch};
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::point_form_factor::point_form_factor;
-use crate::geometry::polygon;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 
@@ -110,10 +109,11 @@ impl PointScene<'_> {
 
     /// Looks from all points.
     pub(crate) fn look(&self, views: &PointViews, queries: &[PointQuery]) -> Vec<PointView> {
-        queries.par_iter().map(|query| self.look_from(views, query)).collect()
+        let look = |scratch: &mut Scratch, query| self.look_from(views, query, scratch);
+        queries.par_iter().map_init(Scratch::default, look).collect()
     }
 
-    fn look_from(&self, views: &PointViews, query: &PointQuery) -> PointView {
+    fn look_from(&self, views: &PointViews, query: &PointQuery, scratch: &mut Scratch) -> PointView {
         let normal = query.normal.map(DVec3::normalize_or_zero);
         let mut surfaces = vec![Stated::default(); self.scene.surfaces.len()];
         let mut backs = Stated::default();
@@ -122,7 +122,7 @@ impl PointScene<'_> {
         let mut borders = vec![0.0; surfaces.len() + 1];
         let up = self.sky_up();
         let mut closest = f64::INFINITY;
-        let nearest = views.visit(query.position, normal, |part| {
+        let nearest = views.visit((query.position, normal), scratch, |part| {
             let factor = measure(part.corners, normal);
             let surface = self.mesh.patches[part.patch].surface.0 as usize;
             let (sum, border) = if part.is_back {
@@ -131,9 +131,8 @@ impl PointScene<'_> {
                 (&mut surfaces[surface], surface)
             };
             sum.value += factor;
-            let distance = part.corners.iter().map(|v| v.length()).fold(f64::INFINITY, f64::min);
-            borders[border] += polygon::perimeter(part.corners) / distance.max(f64::MIN_POSITIVE);
-            closest = closest.min(distance);
+            borders[border] += part.border;
+            closest = closest.min(part.distance);
             if let Some(up) = up {
                 sums.above += measure(&clip_to_half_space(part.corners, DVec3::ZERO, up), normal);
             }

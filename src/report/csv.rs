@@ -6,7 +6,7 @@ use crate::matrix::operator::Block;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 
-/// Writes one row a patch: its id, surface, area in m², centroid in m, and `quantities` (name, value per channel).
+/// Writes one row a patch: its id, surface, area in m², centroid in m, `quantities` (name, value per channel), and `scalars`, which have no channels.
 ///
 /// Numbers have the fewest digits that read back as the same f64. Names are quoted where they need it (RFC 4180).
 ///
@@ -17,15 +17,17 @@ pub fn write_solution(
     scene: &Scene,
     mesh: &Mesh,
     quantities: &[(&str, &Block)],
+    scalars: &[(&str, Vec<f64>)],
 ) -> io::Result<()> {
     let columns = quantities.iter().flat_map(|(name, block)| {
         let channels = channel_names(block.n_channels()).into_iter();
         channels.map(move |channel| format!("{name}_{channel}"))
     });
+    let columns = columns.chain(scalars.iter().map(|(name, _)| (*name).to_owned()));
     write_rows(writer, scene, mesh, columns, |i| {
-        quantities
-            .iter()
-            .flat_map(move |(_, block)| block.row(i).iter().copied())
+        let of_channels = quantities.iter();
+        let of_channels = of_channels.flat_map(move |(_, block)| block.row(i).iter().copied());
+        of_channels.chain(scalars.iter().map(move |(_, values)| values[i]))
     })
 }
 

@@ -34,7 +34,7 @@ pub mod plot;
 pub mod points;
 mod read;
 pub mod series;
-mod sky;
+pub(crate) mod sky;
 pub mod solution;
 mod stages;
 pub mod sun_path;

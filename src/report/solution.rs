@@ -2,12 +2,12 @@
 //!
 //! | ending | content | for |
 //! |---|---|---|
-//! | `.csv` | a row for each patch: surface, area, centroid, radiosity, irradiance, error; before them the description in lines that begin with `#` | tables |
-//! | `.npz` | `radiosity`, `irradiance`, `exitance`, `reflectance`, `residual`, `error` \[n, c\]; `row_sum` \[n, 1\]; `area`, `surface` \[n\]; `centroid` \[n, 3\]; `meta.json` | NumPy |
+//! | `.csv` | a row for each patch: surface, area, centroid, radiosity, irradiance, error, sky and back factors; before them the description in lines that begin with `#` | tables |
+//! | `.npz` | `radiosity`, `irradiance`, `exitance`, `reflectance`, `residual`, `error` \[n, c\]; `row_sum`, `sky_factor`, `back_factor` and their errors \[n, 1\]; `area`, `surface` \[n\]; `centroid` \[n, 3\]; `meta.json` | NumPy |
 //! | `.ply`, `.obj` | patches whose vertices have the colours of the radiosity, white the greatest | MeshLab, Blender |
-//! | `.vtu` | patches with the same quantities, sky and back factors | ParaView, PyVista, meshio |
+//! | `.vtu` | patches with the same quantities | ParaView, PyVista, meshio |
 //!
-//! `error` is the estimated error of the radiosity (see [`carried_error`](crate::solver::carried_error)), `row_sum` the sum of each patch's form factors; both
+//! `error` is the estimated error of the radiosity (see [`carried_error`](crate::solver::carried_error)), `row_sum` the sum of each patch's form factors, `sky_factor` the part of its light that escapes; they
 //! are left out where no form factors are stored, and `error` where their errors are not known. In daylight `.npz` and `.vtu` have `sunlit_fraction`, `sun_irradiance`, `sky_irradiance` and their errors too. Radiosity, irradiance, exitance, residual and error are in W·m⁻², area in m², centroids in m.
 
 use std::io::{self, Seek, Write};
@@ -45,7 +45,7 @@ pub struct SolutionReport<'a> {
     pub error: Option<&'a Block>,
     /// Σ_j F_ij, \[n\], where form factors were stored.
     pub row_sums: Option<&'a [f64]>,
-    /// What escapes of the light of each patch, where form factors were stored; `.vtu` has it.
+    /// What escapes of the light of each patch, where form factors were stored.
     pub sky: Option<&'a SkyFactors>,
     /// The sunlight; it is in the irradiance, and not in the exitance.
     pub sun: Option<&'a Sunlit>,
@@ -183,6 +183,8 @@ impl SolutionReport<'_> {
         if let Some(sums) = self.row_sums {
             quantities.push(("row_sum", Block::from_values(sums.to_vec(), 1)));
         }
+        let sky = self.sky.map(sky_columns).into_iter().flatten();
+        quantities.extend(sky.map(|(name, values)| (name, Block::from_values(values, 1))));
         quantities
     }
 
@@ -194,7 +196,8 @@ impl SolutionReport<'_> {
         ];
         let error = self.error.map(|error| ("error", error));
         let quantities: Vec<_> = light.into_iter().chain(error).collect();
-        csv::write_solution(writer, self.scene, self.mesh, &quantities)
+        let sky: Vec<_> = self.sky.map(sky_columns).into_iter().flatten().collect();
+        csv::write_solution(writer, self.scene, self.mesh, &quantities, &sky)
     }
 
     fn write_npz<W: Write + Seek>(&self, writer: W) -> io::Result<()> {
@@ -219,10 +222,7 @@ impl SolutionReport<'_> {
 
     fn write_vtu(&self, writer: &mut dyn Write) -> io::Result<()> {
         let cell_data = |(name, block): (&str, Block)| CellData::new(name, block.n_channels(), block.values().to_vec());
-        let mut data: Vec<_> = self.quantities().into_iter().map(cell_data).collect();
-        for (name, values) in self.sky.map(sky_columns).into_iter().flatten() {
-            data.push(CellData::new(name, 1, values));
-        }
+        let data: Vec<_> = self.quantities().into_iter().map(cell_data).collect();
         vtu::write(writer, self.scene, self.mesh, &self.description(), &data)
     }
 }

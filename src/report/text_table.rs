@@ -117,6 +117,15 @@ impl Row<'_> {
 
     /// Returns the finite numbers of some cells.
     pub(super) fn numbers<const N: usize>(&self, columns: [usize; N]) -> Result<[f64; N], ReportError> {
+        // A name with a comma in it would shift what follows.
+        let n_named = self.table.names.len();
+        if self.cells.iter().skip(n_named).any(|cell| !cell.is_empty()) {
+            let wrong = "cells, but the line of names has";
+            return Err(self.bad(format!(
+                "{} {wrong} {n_named}; take out commas inside of cells",
+                self.cells.len()
+            )));
+        }
         let mut found = [0.0; N];
         for (value, column) in found.iter_mut().zip(columns) {
             let cell = self.text(column);

@@ -8,6 +8,7 @@ mod frame;
 pub mod gaps;
 pub mod leaks;
 pub mod occluders;
+pub(crate) mod plane;
 pub(crate) mod shaft;
 mod sheets;
 

@@ -5,39 +5,8 @@ use std::cell::{OnceCell, RefCell};
 
 use glam::DVec3;
 
+use super::plane::{Lean, Plane, largest, rounding};
 use crate::geometry::clip::{clip_contour, clip_to_half_space};
-use crate::geometry::polygon;
-
-/// A plane; heights over it are n · (x − p), from a point p of the polygon that it belongs to: far from the origin they keep the digits that x − p has.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Plane {
-    /// The unit normal.
-    pub(crate) normal: DVec3,
-    /// A point on the plane.
-    pub(crate) point: DVec3,
-}
-
-impl Plane {
-    /// Returns the plane of a polygon, its front up; the normal is zero where the polygon has no area.
-    pub(crate) fn of(corners: &[DVec3]) -> Self {
-        Self {
-            normal: polygon::area_vector(corners).normalize_or_zero(),
-            point: corners[0],
-        }
-    }
-
-    pub(crate) fn height(&self, point: DVec3) -> f64 {
-        self.normal.dot(point - self.point)
-    }
-
-    /// Returns the least and the greatest height of some points.
-    pub(crate) fn heights(&self, points: &[DVec3]) -> [f64; 2] {
-        let heights = points.iter().map(|&v| self.height(v));
-        heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], h| {
-            [low.min(h), high.max(h)]
-        })
-    }
-}
 
 /// A plane through an edge of one end of a shaft and a corner of the other, which has the shaft above it but for what is neglected beside it.
 #[derive(Clone, Copy, Debug)]
@@ -102,60 +71,6 @@ const SAME_PLANE: f64 = 1e-8;
 
 /// Three corners are on one line, and make no plane, up to this square of a sine. Above it rounding may still turn the plane about that line; both ends must then be on one side of it all the same.
 const ON_LINE: f64 = 1e-24;
-
-/// Beyond a polygon, so many times its width off, its plane is asked no more what rounding has made of it.
-pub(crate) const MAX_LEAN: f64 = 100.0;
-
-/// How the plane of a polygon leans where the polygon's corners are rounded: as much more as the polygon is narrow.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Lean {
-    middle: DVec3,
-    reach: f64,
-    /// The area by the greatest length.
-    width: f64,
-}
-
-impl Lean {
-    pub(crate) fn of(corners: &[DVec3]) -> Self {
-        let middle = corners.iter().sum::<DVec3>() / corners.len() as f64;
-        let reach = corners.iter().map(|v| v.distance(middle)).fold(0.0, f64::max);
-        Self {
-            middle,
-            reach,
-            width: polygon::area_vector(corners).length() / (2.0 * reach),
-        }
-    }
-
-    /// Returns the greatest distance of a corner from the middle.
-    pub(crate) fn reach(&self) -> f64 {
-        self.reach
-    }
-
-    fn distance(&self, point: DVec3) -> f64 {
-        self.middle.distance(point)
-    }
-
-    /// Returns the sine of the angle by which the plane may lean where corners are off by `off`, m.
-    pub(crate) fn sine(&self, off: f64) -> f64 {
-        off / self.width
-    }
-
-    /// Returns how far off the plane a point may seem that lies in it, where corners are off by ulps. Heights are measured from a corner: from there on the plane of a sliver leans by more than
-    /// its own width.
-    fn height_by_rounding(&self, rounding: f64, point: DVec3) -> f64 {
-        rounding * (1.0 + (self.reach + self.distance(point)) / self.width)
-    }
-
-    /// Returns how far off the plane a point may seem that lies in it, where corners are off by `slack`.
-    pub(crate) fn height(&self, slack: f64, point: DVec3) -> f64 {
-        slack * (1.0 + (self.distance(point) / self.width).min(MAX_LEAN))
-    }
-}
-
-/// Returns 16 ulps of the largest coordinate.
-pub(crate) fn rounding(corners: &[DVec3]) -> f64 {
-    16.0 * f64::EPSILON * corners.iter().fold(0.0, |m, &v| largest(v).max(m))
-}
 
 impl<'a> Shaft<'a> {
     /// Returns the shaft, or `None` if no point of one polygon's front sees the other's front. What reaches into it by less than `slack`, m, counts as touching.
@@ -428,11 +343,6 @@ impl<'a> Shaft<'a> {
             raised,
         })
     }
-}
-
-/// Returns the largest coordinate of a point.
-fn largest(v: DVec3) -> f64 {
-    v.abs().max_element()
 }
 
 impl End<'_> {

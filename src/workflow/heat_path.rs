@@ -39,7 +39,7 @@ pub struct HeatStep {
     pub relative_error_max: f64,
     /// The change by a mesh of about a quarter of the patches; null where that is not known.
     pub mesh_error: Option<MeshError>,
-    /// How good the solution of the solar band is; null without light in its block of times.
+    /// How good the solution of the solar band is; null without sun and sky, at all times that are solved together.
     pub solar: Option<Quality>,
     /// How good that of the thermal band is.
     pub thermal: Quality,
@@ -52,7 +52,9 @@ impl HeatStep {
         self.relative_error_max <= MAX_HEAT_ERROR
     }
 
-    fn new(study: &HeatStudy) -> Self {
+    /// Returns the results of a study.
+    #[must_use]
+    pub fn new(study: &HeatStudy) -> Self {
         Self {
             surfaces: study.heat.surfaces.clone(),
             balance: study.heat.balance,
@@ -191,6 +193,7 @@ impl PathWork for HeatWork<'_> {
             steps: found.iter().map(HeatStep::new).collect(),
             checks: Vec::new(),
             leak_is_too_great: false,
+            warnings: Vec::new(),
         })
     }
 }

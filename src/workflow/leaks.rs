@@ -110,9 +110,9 @@ impl Context {
                 n_patches,
                 value: leak.value,
                 error: leak.error,
-                unit,
+                unit: unit.into(),
                 relative: leak.relative,
-                whole,
+                whole: whole.into(),
                 is_from_file: self.settings.form_factors.is_some(),
             });
         }

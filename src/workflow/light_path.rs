@@ -11,6 +11,7 @@ use super::{
 use crate::heat::{SunOccluders, SunPath, SunStep, Sunlit};
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::report::series::{SeriesBlock, SeriesQuantity};
+use crate::report::sky::sky_columns;
 use crate::solver::Energy;
 
 /// The light of a scene at one time.
@@ -139,6 +140,7 @@ impl PathWork for LightWork<'_> {
             steps: found,
             checks: Vec::new(),
             leak_is_too_great: false,
+            warnings: Vec::new(),
         })
     }
 }
@@ -168,6 +170,8 @@ impl LightWork<'_> {
             constants.extend([of("sky_irradiance", irradiance), of("sky_irradiance_error", error)]);
         }
         constants.push(SeriesQuantity::of_channels("row_sum", 1, self.study.factors.row_sums()));
+        let sky = sky_columns(&self.study.sky).into_iter();
+        constants.extend(sky.map(|(name, values)| SeriesQuantity::of_channels(name, 1, values)));
         constants
     }
 }

@@ -1,13 +1,15 @@
 //! Light and heat along a path of the sun: form factors once, the times side by side in blocks, each block a piece of the checkpoint.
 
+use rand_pcg::Pcg64Dxsm;
+use rand_pcg::rand_core::Rng as _;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use sha2::{Digest as _, Sha256};
 
-use super::{Context, FormFactorStudy, Model, SolveRequest, TotalError, WorkflowError, storage};
+use super::{Context, FormFactorStudy, Model, SolveRequest, TotalError, Warning, WorkflowError, storage};
 use crate::audit::{Audit, Check};
 use crate::checkpoint::Checkpoint;
 use crate::heat::{SunOccluders, SunPath, SunStep};
-use crate::matrix::operator::Block;
+use crate::matrix::operator::{Block, LinearOperator as _};
 use crate::progress::Progress as _;
 use crate::report::series::SeriesBlock;
 
@@ -46,6 +48,7 @@ pub(super) struct SolvedBlock<S> {
     pub(super) values: SeriesBlock,
     pub(super) checks: Vec<Check>,
     pub(super) leak_is_too_great: bool,
+    pub(super) warnings: Vec<Warning>,
 }
 
 /// The quantities that are computed at each time of a path.
@@ -107,6 +110,7 @@ impl Model {
             let block = match kept {
                 Some(block) => {
                     found.n_resumed += steps.len();
+                    block.warnings.iter().for_each(|warning| cx.warn(warning.clone()));
                     block
                 }
                 None => fresh_block(self, (work, &occluders), steps, with_values, cx)?,
@@ -149,8 +153,18 @@ impl Model {
         hasher.update(format!("{} {with_values} {request:?} {:?};", W::NAME, path.steps));
         hasher.update(self.scene.content_hash());
         let (reflectance, exitance) = self.materials();
-        let sums = study.factors.row_sums();
-        for value in reflectance.values().iter().chain(exitance.values()).chain(&sums) {
+        // Row sums do not do: those of all enclosures are 1.
+        let n = study.factors.n_rows();
+        let mut random = Pcg64Dxsm::new(0, 0);
+        let probe = (0..n).map(|_| random.next_u64() as f64 / u64::MAX as f64).collect();
+        let mut product = Block::from_values(vec![0.0; n], 1);
+        study.factors.apply(&Block::from_values(probe, 1), &mut product);
+        for value in reflectance
+            .values()
+            .iter()
+            .chain(exitance.values())
+            .chain(product.values())
+        {
             hasher.update(value.to_le_bytes());
         }
         work.hash_into(self, &mut hasher);
@@ -168,6 +182,7 @@ fn fresh_block<W: PathWork>(
 ) -> Result<SolvedBlock<W::Step>, WorkflowError> {
     let before = std::mem::take(&mut cx.audit);
     let leaked = std::mem::take(&mut cx.leaks.are_too_great);
+    let n_warnings = cx.warnings().len();
     let solved = work.solve(model, occluders, steps, with_values, cx);
     let own = std::mem::replace(&mut cx.audit, before);
     let leak_is_too_great = std::mem::replace(&mut cx.leaks.are_too_great, leaked);
@@ -178,6 +193,7 @@ fn fresh_block<W: PathWork>(
     }
     block.checks = own.checks;
     block.leak_is_too_great = leak_is_too_great;
+    block.warnings = cx.warnings().split_off(n_warnings);
     Ok(block)
 }
 

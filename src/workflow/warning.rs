@@ -1,6 +1,9 @@
 //! What a study has to warn of: what is wrong, the number, the consequence, and the parameter that helps.
 
+use std::borrow::Cow;
 use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
 
 use super::Parameter;
 use crate::audit::Check;
@@ -11,11 +14,13 @@ use crate::solver::StopReason;
 
 /// A doubt about a study: its results stand, but perhaps they are not what was meant, or not as exact as was asked for.
 ///
+/// Warnings that a solution raises can be kept in a checkpoint; those with `serde(skip)` are raised before it.
 /// [`Display`](std::fmt::Display) writes parameters by their names, [`text`](Self::text) as a program's users do.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Warning {
     /// Of the scene as it was read.
+    #[serde(skip)]
     Scene(SceneWarning),
     /// No face emits light in one of several lightings.
     DarkLighting {
@@ -23,6 +28,7 @@ pub enum Warning {
         file: PathBuf,
     },
     /// Faces are too small, beside the size of the scene, for rays to hit them.
+    #[serde(skip)]
     VanishedFaces {
         /// The place of the first one.
         at: Origin,
@@ -30,6 +36,7 @@ pub enum Warning {
         count: usize,
     },
     /// A closed surface stands inside of another and faces inwards.
+    #[serde(skip)]
     InsideOut {
         /// The place of its first face.
         at: Origin,
@@ -65,6 +72,7 @@ pub enum Warning {
         surface: String,
     },
     /// Faces of a surface see no other, and others see their backs.
+    #[serde(skip)]
     TurnedFaces {
         /// The place of the first one.
         at: Origin,
@@ -105,17 +113,19 @@ pub enum Warning {
         /// Its error, in `unit`.
         error: f64,
         /// W or m2.
-        unit: &'static str,
+        unit: Cow<'static, str>,
         /// The part of `whole` that it is.
         relative: f64,
         /// What it is a part of.
-        whole: &'static str,
+        whole: Cow<'static, str>,
         /// True if the form factors are from a file, so that they are to be computed again.
         is_from_file: bool,
     },
     /// Work is going to take long.
+    #[serde(skip)]
     LongWork(Forecast),
     /// Pairs of patches spent their budget, or the digits of f64, above the tolerance.
+    #[serde(skip)]
     AboveTolerance {
         /// How many.
         n_pairs: u64,
@@ -125,6 +135,7 @@ pub enum Warning {
         tolerance: Parameter,
     },
     /// Rounded coordinates leave pairs in doubt above the tolerance.
+    #[serde(skip)]
     Rounded {
         /// How many, by how much, and why.
         doubt: RoundingDoubt,
@@ -137,6 +148,7 @@ pub enum Warning {
         file: PathBuf,
     },
     /// So they are by rounded coordinates.
+    #[serde(skip)]
     FileRounded {
         /// The file.
         file: PathBuf,
@@ -167,6 +179,7 @@ pub enum Warning {
     /// Rows are to sum to 1, but none is known to.
     NothingToClose,
     /// Rows that ought to sum to 1 are off by more than they state.
+    #[serde(skip)]
     DoubtedRows {
         /// The place of the first patch's face.
         at: Origin,

@@ -1,10 +1,12 @@
-//! Scenes, cameras and lightings that a fuzzer's mutations made of the corpus: never a panic, and every refusal is one line that names the file.
+//! Scenes, cameras, lightings, boundary conditions, lists of frames and tables that a fuzzer's mutations made of the corpus: never a panic, and every refusal is one line that names the file.
 //!
 //! What `fuzz/` does without end and guided by coverage, this does briefly in every run of the tests; the mutations are the same in every run.
 
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
 use radiosity::heat::Boundary;
+use radiosity::report::{points, sun_path};
 use radiosity::scene::{Camera, Lighting, builtin, frames, load};
 use rand_pcg::Pcg64Dxsm;
 use rand_pcg::rand_core::Rng as _;
@@ -175,6 +177,10 @@ const BOUNDARY: &str = "[surroundings]\ntemperature_k = 3.0\n\n[sun]\ndirection 
      [sky]\nirradiance_w_m2 = 100.0\nup = [0.0, 0.0, 1.0]\n\n[[surface]]\nname = \"*\"\nemissivity = 0.95\nabsorptance = 0.88\ntemperature_k = 300.0\n\n\
      [[surface]]\nname = \"z*\"\nsupplied_w_m2 = -5.0\n";
 
+const SUN: &str = "time,x,y,z,irradiance\n0,0.5,-0.5,0.7,800\n1.5,0.1,-0.2,1,950.5\n2,-0.6,0.1,0.2,400\n";
+const PLACES: &str = "# a day\nirradiance,time,latitude,longitude\n0,2026-06-21T03:00:00+02:00,47.4,8.5\n900,2026-06-21T12:00:00+02:00,47.4,8.5\n";
+const POINTS: &str = "name,x,y,z,nx,ny,nz\na,0.5,0.5,0.5,0,0,1\nb,0.25,0.5,1e-3,1,2,-2\nc,0.5,0.75,0.1,0,-1,0\n";
+
 /// Reads a file; an error is what the user would see.
 type Load = fn(&Path) -> Result<(), String>;
 
@@ -248,6 +254,89 @@ fn load_frames(file: &Path) -> Result<(), String> {
         assert!(list[..k].iter().all(|other| other.name != frame.name), "{frame:?}");
     }
     Ok(())
+}
+
+/// Reads a path of the sun, and checks that times increase and that the sun is one.
+fn load_sun_path(file: &Path) -> Result<(), String> {
+    let path = sun_path::read(file, 0.25, [DVec3::Y, DVec3::Z]).map_err(|error| error.to_string())?;
+    assert!(!path.steps.is_empty());
+    assert!(path.steps.is_sorted_by(|a, b| a.time < b.time), "{path:?}");
+    for step in &path.steps {
+        assert!(step.time.is_finite() && step.direction.is_normalized(), "{step:?}");
+        let strength = step.sun.map_or(1.0, |sun| sun.irradiance());
+        assert!(strength > 0.0 && strength.is_finite(), "{step:?}");
+    }
+    Ok(())
+}
+
+/// Reads free points, and checks that all are finite and that normals have a length.
+fn load_points(file: &Path) -> Result<(), String> {
+    for query in points::read(file).map_err(|error| error.to_string())? {
+        assert!(query.position.is_finite(), "{query:?}");
+        assert!(
+            query.normal.is_none_or(|own| own.try_normalize().is_some()),
+            "{query:?}"
+        );
+    }
+    Ok(())
+}
+
+/// Tables of the sun and of points.
+#[test]
+fn tables() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.csv");
+    let kinds: [(&str, Load); 3] = [(SUN, load_sun_path), (PLACES, load_sun_path), (POINTS, load_points)];
+    for (seed, (text, load)) in (2000..).step_by(100).zip(kinds) {
+        std::fs::write(&path, text).unwrap();
+        assert_eq!(load(&path), Ok(()));
+        let (mut n_read, mut n_refused) = (0, 0);
+        for k in 0..8 {
+            let (read, refused) = try_all(&path, text.as_bytes(), seed + k, load);
+            n_read += read;
+            n_refused += refused;
+        }
+        // Of 1200: mutations that only change digits, blanks or names of other columns leave a valid table; times must increase.
+        assert!(
+            n_read > 20 && n_refused > 300,
+            "{n_read} read, {n_refused} refused: {text}"
+        );
+    }
+}
+
+/// Each number of a table replaced by one that it must not be: refused, with its line.
+#[test]
+fn cells_that_are_no_numbers_are_refused_with_their_line() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.csv");
+    let kinds: [(&str, Load); 3] = [(SUN, load_sun_path), (PLACES, load_sun_path), (POINTS, load_points)];
+    for (text, load) in kinds {
+        let lines: Vec<&str> = text.lines().collect();
+        let head = lines.iter().position(|line| !line.starts_with('#')).unwrap();
+        for (number, line) in lines.iter().enumerate().skip(head + 1) {
+            for k in 0..line.split(',').count() {
+                if lines[head].split(',').nth(k) == Some("name") {
+                    continue;
+                }
+                for hostile in [
+                    "nan", "-nan", "inf", "-inf", "1e999", "-1e999", "", "true", "1 2", "0x1",
+                ] {
+                    let mut cells: Vec<&str> = line.split(',').collect();
+                    cells[k] = hostile;
+                    let changed = cells.join(",");
+                    let mut mutated = lines.clone();
+                    mutated[number] = &changed;
+                    std::fs::write(&path, mutated.join("\n")).unwrap();
+                    let message = load(&path).expect_err(&changed);
+                    let place = format!("a.csv:{}: ", number + 1);
+                    assert!(
+                        message.contains(&place) && message.lines().count() == 1,
+                        "{message}: {changed}"
+                    );
+                }
+            }
+        }
+    }
 }
 
 #[test]

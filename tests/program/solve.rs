@@ -178,7 +178,8 @@ fn the_solution_is_written_as_csv() {
     assert_eq!(lines.len(), 25);
     assert_eq!(
         lines[0],
-        "patch,surface,area_m2,x_m,y_m,z_m,radiosity_grey,irradiance_grey,error_grey"
+        "patch,surface,area_m2,x_m,y_m,z_m,radiosity_grey,irradiance_grey,error_grey,\
+         sky_factor,sky_factor_error,back_factor,back_factor_error"
     );
     assert!(lines[1].starts_with("0,x0,0.25,0.0,"), "{}", lines[1]);
     let output = radiosity(directory.path(), &["solve", "scene.obj", "-o", "b.txt"]);

@@ -11,7 +11,7 @@ use crate::form_factor::facing::Facing;
 use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::PreparedPolygon;
 use crate::mesh::Mesh;
-use crate::visibility::shaft::Lean;
+use crate::visibility::plane::Lean;
 
 /// A run of consecutive patches of one face.
 #[derive(Clone, Debug)]

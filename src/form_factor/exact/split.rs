@@ -20,7 +20,7 @@ use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
 use crate::progress::Progress;
 use crate::visibility::occluders::{Occluder, OccluderId, OccluderIndex, PairVisibility};
-use crate::visibility::shaft::Plane;
+use crate::visibility::plane::Plane;
 
 /// A pair with fewer occluders is not taken apart; of a convex solid no more than three sides count, as the view of one changes little.
 const MIN_OCCLUDERS: usize = 5;

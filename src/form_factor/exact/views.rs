@@ -346,7 +346,7 @@ mod tests {
 
     /// Tells whether a convex polygon crosses some of the segments between two others by more than rounding.
     fn is_between(p: &[DVec3], q: &[DVec3], occluder: &[DVec3]) -> bool {
-        let plane = crate::visibility::shaft::Plane::of(occluder);
+        let plane = crate::visibility::plane::Plane::of(occluder);
         let point = |corners: &[DVec3], k: usize| {
             let weights: Vec<f64> = (0..corners.len())
                 .map(|c| ((k * 7 + c * 13) % 17) as f64 + 0.1)

@@ -24,6 +24,7 @@ mod receiver;
 mod rule;
 mod shadow;
 mod sunlit;
+mod view_cells;
 
 use std::cmp::Ordering;
 
@@ -42,6 +43,7 @@ pub use point::VisibleFactor;
 use receiver::Receiver;
 use shadow::Shadows;
 pub(crate) use sunlit::{Lit, lit_part};
+pub(crate) use view_cells::Scratch;
 
 /// What of the error allowed the exchange area without occluders may have.
 const SHARE_OF_WHOLE: f64 = 1e-3;

@@ -1,4 +1,4 @@
-//! Convex planar polygons, the cones in which a point sees them, and a tree of balls around them.
+//! Convex planar polygons, and a tree of balls around them.
 
 use glam::DVec3;
 
@@ -51,48 +51,6 @@ impl Ball {
         let towards = self.middle - start;
         let along = towards.dot(direction).max(0.0);
         (towards - along * direction).length() <= self.radius + gap
-    }
-}
-
-/// The directions in which a ball may be seen from a point: a cone.
-#[derive(Clone, Copy)]
-pub(super) struct Cone {
-    axis: DVec3,
-    distance: f64,
-    radius: f64,
-    sine: f64,
-    cosine: f64,
-}
-
-impl Cone {
-    pub(super) fn new(ball: &Ball, point: DVec3) -> Self {
-        let towards = ball.middle - point;
-        let distance = towards.length();
-        let sine = (ball.radius / distance).min(1.0);
-        Self {
-            axis: towards / distance,
-            distance,
-            radius: ball.radius,
-            sine,
-            cosine: (1.0 - sine * sine).sqrt(),
-        }
-    }
-
-    /// Tells whether a thing of this cone may hide a part of one of another.
-    pub(super) fn may_hide(&self, other: &Self) -> bool {
-        if self.distance - self.radius > other.distance + other.radius {
-            return false;
-        }
-        let is_around = self.sine >= 1.0 || other.sine >= 1.0;
-        let sum_is_obtuse = self.cosine * other.cosine < self.sine * other.sine;
-        is_around
-            || sum_is_obtuse
-            || self.axis.dot(other.axis) >= self.cosine * other.cosine - self.sine * other.sine - 1e-12
-    }
-
-    /// Returns how far the axis of another cone lies inside of this one, about in radians: the more, the sooner this hides all of it.
-    pub(super) fn depth_of(&self, other: &Self) -> f64 {
-        self.sine - self.axis.distance(other.axis)
     }
 }
 
@@ -149,11 +107,6 @@ impl BallTree {
         self.grow(balls, first, first + half);
         self.nodes[node].second = self.nodes.len();
         self.grow(balls, first + half, end);
-    }
-
-    /// Returns the ball of each node.
-    pub(super) fn balls(&self) -> impl Iterator<Item = &Ball> {
-        self.nodes.iter().map(|node| &node.ball)
     }
 
     /// Calls `visit` for each ball in those nodes that are `wanted`, by their number and ball.

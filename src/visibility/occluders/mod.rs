@@ -10,7 +10,8 @@ use std::borrow::Cow;
 
 use glam::DVec3;
 
-use super::shaft::{Lean, Plane, Shaft, rounding};
+use super::plane::{Lean, Plane, rounding};
+use super::shaft::Shaft;
 use crate::scene::topology::Pieces;
 use crate::scene::{FaceId, SLACK_PER_CORNER, Scene};
 use solids::Solid;

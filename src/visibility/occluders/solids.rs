@@ -4,7 +4,8 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 
-use super::super::shaft::{Lean, Plane, Shaft, rounding};
+use super::super::plane::{Lean, Plane, rounding};
+use super::super::shaft::Shaft;
 use crate::scene::topology::Pieces;
 use crate::scene::{FaceId, Scene};
 

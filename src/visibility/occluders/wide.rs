@@ -4,7 +4,8 @@ use std::ops::{Deref, Range};
 
 use glam::DVec3;
 
-use super::super::shaft::{Lean, MAX_LEAN, MIN_HEIGHT, Plane, rounding};
+use super::super::plane::{Lean, MAX_LEAN, Plane, rounding};
+use super::super::shaft::MIN_HEIGHT;
 use super::{Between, Entry, OccluderId, OccluderIndex, PairVisibility};
 
 /// A node of the tree of occluders, or an occluder.

@@ -249,17 +249,96 @@ fn a_person_feels_the_sun() {
     within(sky.value, sky.error + 1e-9, 303.853_112_595_7, 1e-2);
 }
 
-/// Plates in disorder, a closed box among them and a sheet: what a point with a normal sees of each is what `VisibleFactor` finds with all others as occluders, from many points.
-#[test]
-fn many_plates_hide_each_other() {
+/// Returns random vectors with coordinates up to half of a scale.
+fn random_vectors() -> impl FnMut(f64) -> DVec3 {
     let mut random = 1_u64;
-    let mut next = || {
+    let mut next = move || {
         random = random
             .wrapping_mul(6_364_136_223_846_793_005)
             .wrapping_add(1_442_695_040_888_963_407);
         (random >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
     };
-    let mut vector = |scale: f64| DVec3::new(next(), next(), next()) * scale;
+    move |scale| DVec3::new(next(), next(), next()) * scale
+}
+
+/// Holds views against `VisibleFactor` with all other plates but twins; returns how many factors are not 0.
+fn as_by_clipping(
+    plates: &[Vec<DVec3>],
+    are_twins: impl Fn(usize, usize) -> bool,
+    queries: &[PointQuery],
+    views: &[PointView],
+) -> usize {
+    let mut n_seen = 0;
+    for (view, query) in views.iter().zip(queries) {
+        if view.status != PointStatus::Free {
+            continue;
+        }
+        let (place, normal) = (query.position, query.normal.unwrap().normalize());
+        let frame = normal.any_orthonormal_pair();
+        let region = [place, place + 1e-6 * frame.0, place + 1e-6 * frame.1];
+        for (k, plate) in plates.iter().enumerate() {
+            let others = plates
+                .iter()
+                .enumerate()
+                .filter(|(other, _)| *other != k && !are_twins(*other, k));
+            let occluders: Vec<Occluder<'_>> = others
+                .map(|(_, corners)| Occluder {
+                    corners: corners.as_slice().into(),
+                    one_sided: false,
+                })
+                .collect();
+            let area = (plate[1] - plate[0]).cross(plate[2] - plate[0]);
+            let expected = if area.dot(place - plate[0]) > 0.0 {
+                VisibleFactor::new(&region, normal, plate, &occluders).at(place)
+            } else {
+                0.0
+            };
+            let found = view.surfaces[k];
+            assert!((found.value - expected).abs() < 1e-9, "{k}: {found:?} {expected}");
+            n_seen += usize::from(expected > 1e-6);
+        }
+    }
+    n_seen
+}
+
+/// So it is among hundreds of plates, most of them hidden by several others together.
+#[test]
+fn in_clutter_all_is_seen_as_by_clipping_every_face() {
+    let mut vector = random_vectors();
+    let plates: Vec<Vec<DVec3>> = (0..300)
+        .map(|k| {
+            let (middle, a, b) = (vector(6.0), vector(1.5), vector(1.5));
+            let corners = [-a - b, a - b, a + b, -a + b];
+            let n = if k % 2 == 0 { 4 } else { 3 };
+            corners[..n].iter().map(|v| middle + *v * 0.5).collect()
+        })
+        .collect();
+    let names: Vec<String> = (0..plates.len()).map(|k| format!("p{k}")).collect();
+    let named = names
+        .iter()
+        .map(String::as_str)
+        .zip(plates.iter().map(|p| vec![p.clone()]));
+    let all = scene(&named.collect::<Vec<_>>());
+    let queries: Vec<PointQuery> = (0..12)
+        .map(|_| PointQuery {
+            position: vector(4.0),
+            normal: Some(vector(1.0)),
+        })
+        .collect();
+    let mut cx = Context::default();
+    for cut in [1, 2] {
+        let options = Subdivision::Uniform(cut).into();
+        let model = Model::new(all.clone(), "here", options, Use::Points, &mut cx).unwrap();
+        let views = model.points(&queries, None, false, &cx).unwrap();
+        let n_seen = as_by_clipping(&plates, |_, _| false, &queries, &views);
+        assert!(n_seen > 300, "{n_seen}");
+    }
+}
+
+/// Plates in disorder, a closed box among them and a sheet: what a point with a normal sees of each is what `VisibleFactor` finds with all others as occluders, from many points.
+#[test]
+fn many_plates_hide_each_other() {
+    let mut vector = random_vectors();
     let mut plates: Vec<Vec<DVec3>> = Vec::new();
     for k in 0..18 {
         let (middle, a, b) = (vector(6.0), vector(3.0), vector(3.0));
@@ -267,7 +346,6 @@ fn many_plates_hide_each_other() {
         let n = if k % 2 == 0 { 4 } else { 3 };
         plates.push(corners[..n].iter().map(|v| middle + *v * 0.5).collect());
     }
-    let first = plates.len();
     let corner = DVec3::new(-0.4, 0.3, -0.2);
     for (_, faces) in inside([0.9, 0.8, 0.7]) {
         plates.extend(
@@ -296,40 +374,14 @@ fn many_plates_hide_each_other() {
     let mut n_seen = 0;
     for cut in [1, 3] {
         let views = look(&all, cut, text, &queries);
-        for (view, query) in views.iter().zip(&queries) {
-            if view.status != PointStatus::Free {
-                continue;
-            }
-            let (place, normal) = (query.position, query.normal.unwrap().normalize());
-            let frame = normal.any_orthonormal_pair();
-            let region = [place, place + 1e-6 * frame.0, place + 1e-6 * frame.1];
-            for (k, plate) in plates.iter().enumerate() {
-                // The other side of a sheet lies in its plane, and hides nothing from its front.
-                let is_twin = |other: usize| other.max(k) == plates.len() - 1 && other.min(k) == plates.len() - 2;
-                let others = plates
-                    .iter()
-                    .enumerate()
-                    .filter(|(other, _)| *other != k && !is_twin(*other));
-                let occluders: Vec<Occluder<'_>> = others
-                    .map(|(_, corners)| Occluder {
-                        corners: corners.as_slice().into(),
-                        one_sided: false,
-                    })
-                    .collect();
-                let area = (plate[1] - plate[0]).cross(plate[2] - plate[0]);
-                let expected = if area.dot(place - plate[0]) > 0.0 {
-                    VisibleFactor::new(&region, normal, plate, &occluders).at(place)
-                } else {
-                    0.0
-                };
-                let found = view.surfaces[k];
-                assert!(
-                    (found.value - expected).abs() < 1e-9,
-                    "{k} of {first}: {found:?} {expected}"
-                );
-                n_seen += usize::from(expected > 1e-6);
-            }
-        }
+        // The other side of a sheet lies in its plane, and hides nothing from its front.
+        let n = plates.len();
+        n_seen += as_by_clipping(
+            &plates,
+            |one, other| one.max(other) == n - 1 && one.min(other) == n - 2,
+            &queries,
+            &views,
+        );
     }
     assert!(n_seen > 200, "{n_seen}");
 }

@@ -4,14 +4,15 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 use radiosity::heat::{Boundary, Sun, SunPath, SunPlace};
+use radiosity::matrix::Need;
 use radiosity::matrix::operator::Block;
 use radiosity::mesh::Subdivision;
 use radiosity::report::series::SeriesBlock;
 use radiosity::report::sun_path;
 use radiosity::scene::Scene;
 use radiosity::workflow::{
-    Context, Daylight, FormFactorRequest, FormFactorStudy, Model, SkyRequest, SolveRequest, SunRequest, Use,
-    WorkflowError,
+    Balance, Context, Daylight, FormFactorRequest, FormFactorStudy, Model, SkyRequest, SolveRequest, SunRequest, Use,
+    Warning, WorkflowError,
 };
 
 use super::{boundary, inside, rectangle, scene};
@@ -211,7 +212,8 @@ fn an_interrupted_path_goes_on() {
     let run = |n_blocks: usize| {
         let mut cx = Context::default();
         cx.checkpoint_file = Some(file.clone());
-        let mut model = Model::new(court(), "here", Subdivision::Uniform(2).into(), Use::Light, &mut cx).unwrap();
+        // The wall stands in the middle of one patch, under which light leaks: there is something to warn of.
+        let mut model = Model::new(court(), "here", Subdivision::Uniform(1).into(), Use::Light, &mut cx).unwrap();
         let request = SolveRequest::default();
         let need = request.need(&cx).unwrap();
         let factors = model
@@ -227,22 +229,63 @@ fn an_interrupted_path_goes_on() {
             Ok(())
         };
         let found = model.heat_along_sun_path(&factors, (&path, &conditions), &request, Some(&mut sink), &mut cx);
-        (found, blocks)
+        (found, blocks, cx.warnings())
     };
-    let (ended, first) = run(2);
+    let (ended, first, _) = run(2);
     assert!(matches!(ended, Err(WorkflowError::Interrupted)) && first.len() == 2);
-    let (resumed, all) = run(usize::MAX);
+    let (resumed, all, warnings) = run(usize::MAX);
     let resumed = resumed.unwrap();
     assert_eq!((resumed.n_resumed, all.len()), (128, 3));
     assert_eq!(all[..2], first[..]);
     std::fs::remove_file(&file).unwrap();
-    let (whole, others) = run(usize::MAX);
+    let (whole, others, expected) = run(usize::MAX);
     assert_eq!(all, others);
+    assert!(
+        expected.iter().any(|one| matches!(one, Warning::LightLeak { .. })),
+        "{expected:?}"
+    );
+    assert_eq!(warnings, expected);
     let whole = whole.unwrap();
     assert_eq!((whole.n_resumed, whole.n_passes), (0, resumed.n_passes));
     for (a, b) in whole.steps.iter().zip(&resumed.steps) {
         assert_eq!((&a.surfaces, a.balance), (&b.surfaces, b.balance));
     }
+}
+
+/// Blocks are taken up with the same form factors only: those of other rays are others, though all rows of an enclosure sum to 1.
+#[test]
+fn a_path_with_other_form_factors_begins_anew() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = path(3, DQuat::IDENTITY);
+    let room = scene(&inside([3.0, 2.0, 1.0]));
+    let run = |seed: u64| {
+        let mut cx = Context::default();
+        let mut model = Model::new(
+            room.clone(),
+            "here",
+            Subdivision::Uniform(2).into(),
+            Use::Light,
+            &mut cx,
+        )
+        .unwrap();
+        let request = SolveRequest::default();
+        let mut shooting = FormFactorRequest {
+            method: "sr".to_owned(),
+            balance: Balance::Off,
+            ..FormFactorRequest::default()
+        };
+        shooting.settings.seed = seed;
+        let factors = model.form_factors(&shooting, Need::AsTheyAre, &mut cx).unwrap();
+        let sums = factors.factors.row_sums();
+        // So that nothing but the blocks themselves tells one run from another.
+        let mut of_path = Context::default();
+        of_path.checkpoint_file = Some(directory.path().join("path.checkpoint"));
+        let found = model.solve_along_sun_path(&factors, (&path, None), &request, None, &mut of_path);
+        (found.unwrap().n_resumed, sums)
+    };
+    let [(first, sums), (again, _), (other, other_sums)] = [1, 1, 2].map(run);
+    assert_eq!((first, again, other), (0, 3, 0));
+    assert_eq!(sums, other_sums);
 }
 
 /// Tables of places have nights, times of both kinds become numbers, and mistakes name file, line and remedy.
