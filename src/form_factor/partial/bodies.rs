@@ -184,15 +184,11 @@ impl Extent {
     /// Gathers what is known of a solid, its corners as the receiver's frame has them from its origin.
     pub(super) fn of(body: Body<'_>, receiver: &Receiver) -> Self {
         let solid = body.0;
-        let ends = solid.ridges().iter().flat_map(|ridge| ridge.ends);
-        let mut corners: Vec<DVec3> = ends.map(|v| receiver.seen_from_origin(v)).collect();
-        corners.sort_unstable_by(|a, b| a.to_array().map(f64::to_bits).cmp(&b.to_array().map(f64::to_bits)));
-        corners.dedup();
         let depth = |height: f64| (-height).max(0.0);
         let depths = solid.planes().iter().map(|plane| depth(plane.height(solid.middle())));
         Self {
             width: 2.0 * depths.fold(f64::INFINITY, f64::min),
-            corners,
+            corners: solid.corners().iter().map(|&v| receiver.seen_from_origin(v)).collect(),
         }
     }
 

@@ -21,6 +21,7 @@ mod pieces;
 mod plates;
 mod point;
 mod quad;
+mod rays;
 mod receiver;
 mod rule;
 mod shadow;
@@ -41,6 +42,7 @@ use flat::Flat;
 pub(crate) use free_point::{Place, PointViews};
 use pieces::{Pieces, Sight};
 pub use point::VisibleFactor;
+pub(super) use rays::by_rays;
 use receiver::Receiver;
 use shadow::Shadows;
 pub(crate) use sunlit::{Lit, lit_part};
@@ -66,6 +68,8 @@ pub struct Partial {
     pub error: f64,
     /// The number of points from which the other polygon was looked at.
     pub n_evaluations: usize,
+    /// The number of rays between the polygons, where these took the place of clipping.
+    pub n_rays: usize,
     /// True if the estimate is within the tolerance; false if the budget was spent before.
     pub reached: bool,
 }
@@ -195,6 +199,7 @@ impl Integration {
                 exchange_area: value,
                 error: value,
                 n_evaluations: 0,
+                n_rays: 0,
                 reached: !value.is_nan(),
             }),
         }

@@ -446,6 +446,7 @@ impl Pieces {
             exchange_area: found.area,
             error: found.error,
             n_evaluations: self.n_evaluations,
+            n_rays: 0,
             reached: found.error <= goal,
         }
     }
@@ -474,6 +475,7 @@ pub(super) fn sum_uncut(looks: impl Iterator<Item = Look>, whole: Whole, unseen:
         exchange_area: value,
         error,
         n_evaluations,
+        n_rays: 0,
         reached: true,
     }
 }

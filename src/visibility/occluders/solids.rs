@@ -27,7 +27,7 @@ pub(crate) struct Ridge {
 #[derive(Clone, Debug)]
 pub(crate) struct Solid {
     planes: Vec<Plane>,
-    /// The corners, each at least once.
+    /// The corners, each once.
     corners: Vec<DVec3>,
     /// The edges; none where not all of them are edges of two sides each.
     ridges: Vec<Ridge>,
@@ -77,6 +77,10 @@ impl Solid {
 impl Solid {
     pub(crate) fn planes(&self) -> &[Plane] {
         &self.planes
+    }
+
+    pub(crate) fn corners(&self) -> &[DVec3] {
+        &self.corners
     }
 
     pub(crate) fn ridges(&self) -> &[Ridge] {
@@ -153,13 +157,14 @@ pub(super) fn find(
         let slack = slack + 1e-12 * (high - low).length() + rounding;
         if planes.iter().all(|plane| corners().all(|v| plane.height(v) <= slack)) {
             let index = u32::try_from(solids.len()).ok();
+            let of_solid = Corners::of(&outlines, slack);
             for &k in &sides {
                 solid_of_polygon[k] = index;
             }
             solids.push(Solid {
                 planes,
-                ridges: ridges(&outlines, slack).unwrap_or_default(),
-                corners: corners().collect(),
+                ridges: ridges(&outlines, &of_solid.first_of).unwrap_or_default(),
+                corners: of_solid.firsts.into_iter().map(|(corner, _)| corner).collect(),
                 leans: outlines.iter().map(|corners| Lean::of(corners)).collect(),
                 middle: low.midpoint(high),
                 rounding,
@@ -169,22 +174,34 @@ pub(super) fn find(
     (solids, solid_of_polygon)
 }
 
-/// Returns the edges of a closed surface, whose corners are one within `off`, m; `None` where an edge is not one of two sides, as at a corner in the middle of another side's edge.
-fn ridges(sides: &[&[DVec3]], off: f64) -> Option<Vec<Ridge>> {
-    let mut corners: Vec<(DVec3, usize)> = sides.iter().copied().flatten().copied().zip(0..).collect();
-    corners.sort_unstable_by(|a, b| a.0.x.total_cmp(&b.0.x).then(a.1.cmp(&b.1)));
-    // Of each corner, the first that it is one with.
-    let (mut firsts, mut first_of) = (Vec::<(DVec3, usize)>::new(), vec![0; corners.len()]);
-    for (corner, k) in corners {
-        let near = firsts.iter().rev().take_while(|first| corner.x - first.0.x <= off);
-        first_of[k] = match near.clone().find(|first| first.0.distance(corner) <= off) {
-            Some(first) => first.1,
-            None => {
+/// The corners of a closed surface: those within `off`, m, of each other are one.
+struct Corners {
+    /// The first of each.
+    firsts: Vec<(DVec3, usize)>,
+    /// Of all corners, side by side, the place of the first that it is one with.
+    first_of: Vec<usize>,
+}
+
+impl Corners {
+    fn of(sides: &[&[DVec3]], off: f64) -> Self {
+        let mut corners: Vec<(DVec3, usize)> = sides.iter().copied().flatten().copied().zip(0..).collect();
+        corners.sort_unstable_by(|a, b| a.0.x.total_cmp(&b.0.x).then(a.1.cmp(&b.1)));
+        let (mut firsts, mut first_of) = (Vec::<(DVec3, usize)>::new(), vec![0; corners.len()]);
+        for (corner, k) in corners {
+            let mut near = firsts.iter().rev().take_while(|first| corner.x - first.0.x <= off);
+            first_of[k] = if let Some(first) = near.find(|first| first.0.distance(corner) <= off) {
+                first.1
+            } else {
                 firsts.push((corner, k));
                 k
-            }
-        };
+            };
+        }
+        Self { firsts, first_of }
     }
+}
+
+/// Returns the edges of a closed surface; `None` where an edge is not one of two sides, as at a corner in the middle of another side's edge.
+fn ridges(sides: &[&[DVec3]], first_of: &[usize]) -> Option<Vec<Ridge>> {
     let (mut ridges, mut open, mut begin) = (Vec::new(), HashMap::new(), 0);
     for (side, corners) in sides.iter().enumerate() {
         for (k, &from) in corners.iter().enumerate() {
