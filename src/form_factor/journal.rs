@@ -22,12 +22,12 @@ const DEAR: Duration = Duration::from_millis(1);
 const CHEAP_AT_ONCE: usize = 256;
 
 /// Begins every record.
-const LAYOUT: u64 = u64::from_le_bytes(*b"journal1");
+const LAYOUT: u64 = u64::from_le_bytes(*b"journal2");
 
-/// Numbers of one result: its place in the piece, then three of its own.
-const NUMBERS: usize = 4;
+/// Numbers of one result: its place in the piece, then four of its own.
+const NUMBERS: usize = 5;
 
-/// Three numbers that a result is made of.
+/// Four numbers that a result is made of.
 pub(super) type Record = [u64; NUMBERS - 1];
 
 /// The results of the piece that is being worked on, in the checkpoint behind all pieces that are done.
@@ -112,7 +112,7 @@ fn decode(bytes: &[u8], piece: u64) -> Option<Vec<(u64, Record)>> {
     };
     (*of_piece == piece).then(|| {
         let results = results.iter();
-        results.map(|&[place, a, b, c]| (place, [a, b, c])).collect()
+        results.map(|&[place, ref own @ ..]| (place, *own)).collect()
     })
 }
 
@@ -138,22 +138,22 @@ mod tests {
         let kept = open();
         let mut journal = Journal::new(&kept);
         journal.begin(5);
-        journal.keep(0, [1, 2, 3], DEAR);
+        journal.keep(0, [1, 2, 3, 4], DEAR);
         for place in 1..=CHEAP_AT_ONCE + 1 {
-            journal.keep(place, [place as u64; 3], Duration::ZERO);
+            journal.keep(place, [place as u64; 4], Duration::ZERO);
         }
         // It is another piece's, and what was not written of the last one is gone.
         journal.begin(6);
-        journal.keep(7, [7; 3], DEAR);
+        journal.keep(7, [7; 4], DEAR);
         drop(journal);
         drop(kept);
         let again = open();
         let mut journal = Journal::new(&again);
         journal.begin(5);
-        assert_eq!(journal.get(0), Some([1, 2, 3]));
+        assert_eq!(journal.get(0), Some([1, 2, 3, 4]));
         let of = |journal: &Journal<'_>| (0..=CHEAP_AT_ONCE + 1).filter(|&k| journal.get(k).is_some()).count();
         assert_eq!(of(&journal), 1 + CHEAP_AT_ONCE);
-        journal.keep(9999, [9; 3], DEAR);
+        journal.keep(9999, [9; 4], DEAR);
         journal.begin(6);
         assert_eq!(of(&journal), 0, "only the piece that was left unfinished is looked for");
         drop(journal);
@@ -161,7 +161,7 @@ mod tests {
         let last = open();
         let mut journal = Journal::new(&last);
         journal.begin(5);
-        assert_eq!((of(&journal), journal.get(9999)), (1 + CHEAP_AT_ONCE, Some([9; 3])));
+        assert_eq!((of(&journal), journal.get(9999)), (1 + CHEAP_AT_ONCE, Some([9; 4])));
     }
 
     #[test]

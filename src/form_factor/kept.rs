@@ -5,7 +5,7 @@ use crate::matrix::{Entry, RayWeights, RowTally, RowTile};
 use crate::progress::Progress;
 
 /// Begins every piece; another number when what follows changes. The first number of pieces before there was one is a count, and smaller.
-const LAYOUT: u64 = u64::from_le_bytes(*b"piece 2\n");
+const LAYOUT: u64 = u64::from_le_bytes(*b"piece 3\n");
 
 /// What a method computes as one piece.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,6 +35,8 @@ impl Piece {
             c.full,
             c.hidden,
             c.partial,
+            c.clipped,
+            c.by_rays,
             c.n_rays,
             c.n_above_tolerance,
             c.n_above_by_rounding,
@@ -78,6 +80,8 @@ impl Piece {
             c.full,
             c.hidden,
             c.partial,
+            c.clipped,
+            c.by_rays,
             c.n_rays,
             c.n_above_tolerance,
             c.n_above_by_rounding,
@@ -122,6 +126,8 @@ impl Piece {
             full: next()?,
             hidden: next()?,
             partial: next()?,
+            clipped: next()?,
+            by_rays: next()?,
             n_rays: next()?,
             n_above_tolerance: next()?,
             n_above_by_rounding: next()?,
@@ -229,7 +235,7 @@ mod tests {
             assert_eq!(Piece::decode(&bytes[..cut]), None);
         }
         let mut huge = bytes.clone();
-        huge[95] = 255;
+        huge[111] = 255;
         assert_eq!(Piece::decode(&huge), None, "more tiles than there are bytes");
     }
 

@@ -133,6 +133,10 @@ pub struct PairCounts {
     pub hidden: u64,
     /// Pairs that are occluded, or may be.
     pub partial: u64,
+    /// Of the partial pairs of `exact`, those that were found by clipping.
+    pub clipped: u64,
+    /// Of the partial pairs of `exact`, those that were found by rays, as clipping would have cost more.
+    pub by_rays: u64,
     /// Rays traced between points of pairs.
     pub n_rays: u64,
     /// Pairs whose integral has an error above the tolerance: the budget was spent, or f64 has no more digits.
@@ -154,6 +158,8 @@ impl PairCounts {
             full: self.full + other.full,
             hidden: self.hidden + other.hidden,
             partial: self.partial + other.partial,
+            clipped: self.clipped + other.clipped,
+            by_rays: self.by_rays + other.by_rays,
             n_rays: self.n_rays + other.n_rays,
             n_above_tolerance: self.n_above_tolerance + other.n_above_tolerance,
             n_above_by_rounding: self.n_above_by_rounding + other.n_above_by_rounding,

@@ -276,6 +276,9 @@ impl Batches<'_> {
                 let entry = &mut strip.rows[pair.i - strip.first_row][pair.place];
                 (entry.1, entry.2) = (stated.exchange.area, stated.exchange.error);
                 self.count([pair.i, pair.j], stated, &mut strip.counts);
+                strip.counts.clipped += u64::from(stated.n_rays == 0);
+                strip.counts.by_rays += u64::from(stated.n_rays > 0);
+                strip.counts.n_rays += stated.n_rays;
             }
         }
     }
@@ -354,6 +357,7 @@ impl Batches<'_> {
                 goal
             };
         self.stated([pair.i, pair.j], seen(exchange.area), exchange, reached)
+            .with_rays(found.n_rays)
     }
 }
 

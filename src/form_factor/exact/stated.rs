@@ -58,24 +58,37 @@ pub(super) struct Stated {
     rounding: f64,
     /// True if the error was within the tolerance before that.
     integrated: bool,
+    /// The rays that it was found by; 0 where it was clipped.
+    pub(super) n_rays: u64,
 }
 
 impl Stated {
+    /// Takes note of the rays that it was found by.
+    pub(super) fn with_rays(self, n_rays: usize) -> Self {
+        Self {
+            n_rays: n_rays as u64,
+            ..self
+        }
+    }
+
     /// Returns it as a journal keeps it; the sign of the rounding, which is not negative, stands for `integrated`.
     pub(super) fn to_record(self) -> Record {
         let sign = if self.integrated { 1.0_f64 } else { -1.0 };
         let Exchange { area, error } = self.exchange;
-        [area, error, self.rounding.copysign(sign)].map(f64::to_bits)
+        let [area, error, rounding] = [area, error, self.rounding.copysign(sign)].map(f64::to_bits);
+        [area, error, rounding, self.n_rays]
     }
 
     /// Reads what [`to_record`](Self::to_record) wrote; `None` for what cannot be that.
     pub(super) fn from_record(record: Record) -> Option<Self> {
-        let [area, error, rounding] = record.map(f64::from_bits);
+        let [numbers @ .., n_rays] = record;
+        let [area, error, rounding] = numbers.map(f64::from_bits);
         let is_right = [area, error, rounding].iter().all(|x| x.is_finite()) && area >= 0.0 && error >= 0.0;
         is_right.then_some(Self {
             exchange: Exchange { area, error },
             rounding: rounding.abs(),
             integrated: rounding.is_sign_positive(),
+            n_rays,
         })
     }
 }
@@ -91,6 +104,7 @@ impl Batches<'_> {
             },
             rounding,
             integrated,
+            n_rays: 0,
         }
     }
 
@@ -248,14 +262,16 @@ mod tests {
                 },
                 rounding,
                 integrated,
+                n_rays: 1 << 40,
             };
             let read = Stated::from_record(stated.to_record()).expect("it is a record");
             assert_eq!(read.exchange, stated.exchange);
             assert_eq!(read.integrated, integrated);
             assert_eq!(read.rounding.to_bits(), rounding.to_bits());
+            assert_eq!(read.n_rays, 1 << 40);
         }
         for wrong in [f64::NAN, -1.0, f64::INFINITY] {
-            assert!(Stated::from_record([wrong, 0.0, 0.0].map(f64::to_bits)).is_none());
+            assert!(Stated::from_record([wrong, 0.0, 0.0, 0.0].map(f64::to_bits)).is_none());
         }
     }
 }

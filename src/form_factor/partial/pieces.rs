@@ -9,6 +9,7 @@ use std::collections::BinaryHeap;
 
 use glam::{DVec2, DVec3};
 
+use super::bodies::Extent;
 use super::cells::Shape;
 use super::flat::Flat;
 use super::layers::LowEdges;
@@ -33,6 +34,15 @@ const MORE_THAN_SEEN: f64 = 4.0;
 /// A closed form costs as much as some evaluations: the other part is taken where its error is this many times smaller.
 const BETTER: f64 = 0.5;
 
+/// What of a cell a shadow may cover that all points of a rule miss.
+const BETWEEN_POINTS: f64 = 0.15;
+
+/// The same where the shadow is wider than the points are apart, and so only reaches in.
+const AT_A_SIDE: f64 = 0.03;
+
+/// What of a cell lies beyond the points on its border.
+const BEYOND_POINTS: f64 = 1e-3;
+
 /// Edges up to this part of the receiver's size above it run in its plane.
 const IN_PLANE: f64 = 1e-13;
 
@@ -45,6 +55,8 @@ pub(super) struct Sight {
     target_sides: Vec<(DVec3, f64)>,
     shadows: Shadows,
     low_edges: LowEdges,
+    /// The bodies whose lines of change were not looked for.
+    pub(super) unlisted: Vec<Extent>,
     /// True if no line of change crosses a cell: what a point of it does not hide, none does.
     pub(super) is_whole: bool,
     /// True if hidden parts are looked at in cells near the target alone: elsewhere F₀ has no peak, and where the tolerance is loose what is visible is enough.
@@ -82,6 +94,7 @@ impl Sight {
             receiver,
             shadows,
             low_edges,
+            unlisted: Vec::new(),
             is_whole: false,
             is_loose: false,
             may_open: false,
@@ -129,11 +142,21 @@ impl Sight {
         let mut shares = self.is_near(shape).then_some([0.0; 2]);
         self.shadows.forget();
         let mut is_any_visible = false;
+        let mut largest = 0.0_f64;
         let mut estimate = rule(&mut |point| {
             let parts = self.at(point, &mut shares);
             is_any_visible |= parts[VISIBLE] > 0.0;
+            largest = largest.max(parts[VISIBLE] + parts[HIDDEN]);
             parts
         });
+        if !self.unlisted.is_empty() {
+            for part in [VISIBLE, HIDDEN] {
+                if estimate.integral[part] <= 0.0 {
+                    let least = largest * shape.area() * self.unseen(part, shape);
+                    estimate.error[part] = estimate.error[part].max(least);
+                }
+            }
+        }
         let has_curves = self.may_open && is_any_visible && self.shadows.several_hide();
         if !self.low_edges.is_empty() {
             let low_edges = std::mem::take(&mut self.low_edges);
@@ -149,6 +172,34 @@ impl Sight {
             estimate,
             shares,
             has_curves,
+        }
+    }
+
+    /// Returns the share of a cell in which a part may be something that is nothing at all points of a rule, as the shadows of bodies were not looked for.
+    fn unseen(&self, part: usize, shape: Shape) -> f64 {
+        let corners = shape.corners();
+        let next = corners.iter().cycle().skip(1);
+        let size = corners
+            .iter()
+            .zip(next)
+            .map(|(a, b)| a.distance(*b))
+            .fold(0.0, f64::max);
+        if part == VISIBLE {
+            // A body hides all from a convex part of the receiver: from the hull of the points.
+            return if self.shadows.several_hide() {
+                BETWEEN_POINTS
+            } else {
+                BEYOND_POINTS
+            };
+        }
+        let cells = || shape.triangles().map(|cell| cell.map(|v| self.receiver.offset(v)));
+        let reaches_in = |body: &&Extent| cells().any(|cell| !body.is_beside(&cell, &self.target));
+        let widths = self.unlisted.iter().filter(reaches_in).map(|body| body.width);
+        match widths.reduce(f64::min) {
+            None => 0.0,
+            // A shadow is no narrower than what casts it, and convex: one that has a point of the rule on no side of it is in a corner or at a side.
+            Some(width) if size <= 2.0 * width => AT_A_SIDE,
+            Some(_) => BETWEEN_POINTS,
         }
     }
 
@@ -218,13 +269,15 @@ impl Sight {
         let is_other = estimate.error[base] > enough && estimate.error[other] < BETTER * estimate.error[base];
         let part = if is_other { other } else { base };
         let (mut integral, mut error) = (estimate.integral[part], estimate.error[part]);
-        let is_certain = integral.max(error) <= 0.0 && self.is_whole;
+        // Past bodies whose lines are not listed, nothing is without an error unless it is proved.
+        let knows_shape = self.is_whole || !self.unlisted.is_empty();
+        let is_certain = integral.max(error) <= 0.0 && knows_shape;
         let shares = shares.filter(|_| !is_certain);
         if is_other || shares.is_some() {
             let whole = self.without_occluders(shape, 0.01 * enough);
             if let Some(shares) = shares {
                 let missed = estimate.integral[VISIBLE] + estimate.integral[HIDDEN] - whole.area;
-                let share = if self.is_whole {
+                let share = if knows_shape {
                     (MORE_THAN_SEEN * shares[part]).min(1.0)
                 } else {
                     1.0
@@ -329,6 +382,12 @@ impl Pieces {
         self.n_evaluations
     }
 
+    /// Counts evaluations that have led to nothing.
+    pub(super) fn spent(mut self, n_evaluations: usize) -> Self {
+        self.n_evaluations += n_evaluations;
+        self
+    }
+
     /// Returns the estimate of the error so far, m².
     pub(super) fn error(&self) -> f64 {
         self.exchange_area(self.integral, self.error).error
@@ -387,6 +446,7 @@ impl Pieces {
             exchange_area: found.area,
             error: found.error,
             n_evaluations: self.n_evaluations,
+            n_rays: 0,
             reached: found.error <= goal,
         }
     }
@@ -415,6 +475,7 @@ pub(super) fn sum_uncut(looks: impl Iterator<Item = Look>, whole: Whole, unseen:
         exchange_area: value,
         error,
         n_evaluations,
+        n_rays: 0,
         reached: true,
     }
 }

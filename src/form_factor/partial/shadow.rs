@@ -9,12 +9,13 @@ use crate::geometry::point_form_factor::{far_term, near_term};
 use crate::geometry::polygon;
 use crate::visibility::occluders::Occluder;
 
+use super::bodies::{self, Silhouette};
 use super::flat::Flat;
 use super::receiver::Receiver;
 use super::rule::Parts;
 
 /// A point counts as in a caster's plane up to this share of its distance: the caster is seen edge on.
-const EDGE_ON: f64 = 1e-14;
+pub(super) const EDGE_ON: f64 = 1e-14;
 
 /// A target that is smaller seen from a point than this, in radii by distance squared, is summed about its own middle: the plain sum would lose more than two digits there.
 const SMALL: f64 = 1e-4;
@@ -40,7 +41,7 @@ struct Caster {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Place {
+pub(super) enum Place {
     Front,
     Back,
     Both,
@@ -81,6 +82,8 @@ pub(super) struct Shadows {
     /// The square of the distance of the farthest corner from the middle.
     radius_squared: f64,
     receiver_normal: DVec3,
+    /// Bodies first, then what hides most, so that little is left for the others to cut.
+    bodies: Vec<(Silhouette, u64)>,
     casters: Vec<Caster>,
     fragments: Fragments,
     next: Fragments,
@@ -134,8 +137,10 @@ impl Shadows {
     /// Prepares the casters for a target that lies in front of the receiver's plane.
     pub(super) fn new(receiver: &Receiver, target: &[DVec3], occluders: &[Occluder<'_>]) -> Self {
         let middle = target[0] + target.iter().map(|&v| v - target[0]).sum::<DVec3>() / target.len() as f64;
+        let bodies = bodies::of(occluders);
         let mut casters: Vec<(&[DVec3], Caster)> = occluders
             .iter()
+            .filter(|occluder| occluder.body.is_none_or(|body| !bodies.contains(&body)))
             .filter_map(|occluder| {
                 let (corners, one_sided) = (&*occluder.corners, occluder.one_sided);
                 let plane = Flat::of(corners);
@@ -176,15 +181,22 @@ impl Shadows {
                 Some((corners, caster))
             })
             .collect();
-        // What hides most comes first, so that little is left for the others to cut.
         let eye = polygon::centroid(&receiver.corners);
         casters.sort_by_cached_key(|(corners, _)| {
             let r = polygon::centroid(corners) - eye;
             let facing = polygon::area_vector(corners).dot(r).abs();
             Reverse((facing / r.length().powi(3)).to_bits())
         });
+        let silhouettes = bodies
+            .into_iter()
+            .filter_map(|body| Silhouette::new(body, receiver, target, middle));
+        let bodies = silhouettes
+            .enumerate()
+            .map(|(k, body)| (body, 1 << k.min(63)))
+            .collect();
         let target: Vec<DVec3> = target.iter().map(|&v| v - middle).collect();
         Self {
+            bodies,
             radius_squared: target.iter().map(|v| v.length_squared()).fold(0.0, f64::max),
             target,
             middle,
@@ -213,6 +225,7 @@ impl Shadows {
 
     /// Finds the bodies that casters are parts of: sides that lie on one convex body, seen from outside, whose edges never cross in a view.
     pub(super) fn find_bodies(&mut self) {
+        let n_silhouettes = self.bodies.len();
         let mut bodies: Vec<Vec<usize>> = Vec::new();
         for k in 0..self.casters.len() {
             let is_of = |body: &Vec<usize>| body.iter().all(|&other| self.are_of_one_body(k, other));
@@ -223,7 +236,7 @@ impl Shadows {
                 bodies.len() - 1
             });
             bodies[body].push(k);
-            self.casters[k].body = 1 << body.min(63);
+            self.casters[k].body = 1 << (n_silhouettes + body).min(63);
         }
     }
 
@@ -258,8 +271,16 @@ impl Shadows {
             }
         };
         let (mut hidden, mut is_cut) = (DVec3::ZERO, false);
-        for k in 0..self.casters.len() {
-            if !self.prepare_half_spaces(k, point) {
+        let n_bodies = self.bodies.len();
+        for k in 0..n_bodies + self.casters.len() {
+            let (hides, body) = match self.bodies.get_mut(k) {
+                Some((silhouette, body)) => (silhouette.half_spaces(point, &mut self.half_spaces), *body),
+                None => (
+                    self.prepare_half_spaces(k - n_bodies, point),
+                    self.casters[k - n_bodies].body,
+                ),
+            };
+            if !hides {
                 continue;
             }
             self.next.clear();
@@ -272,7 +293,7 @@ impl Shadows {
                     &mut self.piece,
                 ) {
                     is_cut = true;
-                    self.hiding |= self.casters[k].body;
+                    self.hiding |= body;
                     if with_hidden {
                         hidden += contour(&self.rest);
                     }
@@ -443,6 +464,7 @@ mod tests {
             list.push(Occluder {
                 corners: corners.into(),
                 one_sided: *one_sided,
+                body: None,
             });
         }
         Shadows::new(&receiver, &ceiling(), &list).visible_and_hidden(point)[0]

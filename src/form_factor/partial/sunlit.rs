@@ -101,6 +101,7 @@ mod tests {
             .map(|corners| Occluder {
                 corners: corners.into(),
                 one_sided: false,
+                body: None,
             })
             .collect();
         lit_part(&square(DVec3::ZERO, 4.0), DVec3::Z, direction.normalize(), &occluders).area

@@ -141,6 +141,7 @@ fn occluder(corners: std::borrow::Cow<'_, [DVec3]>) -> Occluder<'_> {
     Occluder {
         corners,
         one_sided: false,
+        body: None,
     }
 }
 

@@ -115,12 +115,6 @@ impl Pieces {
         (self.is_closed[piece as usize] || self.is_capped[piece as usize]).then_some(piece)
     }
 
-    /// Returns the piece of a face if it is closed by itself.
-    pub(crate) fn closed_by_itself(&self, face: FaceId) -> Option<u32> {
-        let piece = self.of_face(face);
-        self.is_closed[piece as usize].then_some(piece)
-    }
-
     /// Returns what closes pieces that stand on others: the piece, and the corners of the face that is missing.
     pub(crate) fn caps(&self) -> &[(u32, Vec<DVec3>)] {
         &self.caps

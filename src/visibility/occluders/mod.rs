@@ -14,7 +14,7 @@ use super::plane::{Lean, Plane, rounding};
 use super::shaft::Shaft;
 use crate::scene::topology::Pieces;
 use crate::scene::{FaceId, SLACK_PER_CORNER, Scene};
-use solids::Solid;
+pub(crate) use solids::Solid;
 pub(crate) use touching::standing_on;
 use tree::Tree;
 pub(crate) use wide::{Candidate, Closer, Measures, Outlook};
@@ -31,6 +31,18 @@ pub struct Occluder<'a> {
     /// True if light that would meet the back has always met another occluder's front before: the polygon is a side of a closed convex
     /// solid, both patches lie outside, and all sides of the solid that the light may meet are among the occluders.
     pub one_sided: bool,
+    /// The solid that it is a side of, where that is known.
+    pub body: Option<Body<'a>>,
+}
+
+/// A closed convex solid, as what several occluders are sides of.
+#[derive(Clone, Copy, Debug)]
+pub struct Body<'a>(pub(crate) &'a Solid);
+
+impl PartialEq for Body<'_> {
+    fn eq(&self, other: &Self) -> bool {
+        std::ptr::eq(self.0, other.0)
+    }
 }
 
 /// How much two patches see of each other.
@@ -340,25 +352,31 @@ impl OccluderIndex {
     #[must_use]
     pub fn occluders(&self, p: &[DVec3], q: &[DVec3], occluders: &[OccluderId]) -> Vec<Occluder<'_>> {
         let mut outside: Vec<(u32, bool)> = Vec::new();
-        occluders
-            .iter()
-            .map(|&id| {
-                let entry = &self.entries[id.0 as usize];
-                let one_sided = entry.solid.is_some_and(|index| {
-                    if let Some(known) = outside.iter().find(|known| known.0 == index) {
-                        return known.1;
-                    }
-                    let solid = &self.solids[index as usize];
-                    let excluded = solid.excludes(p, self.slack) && solid.excludes(q, self.slack);
-                    outside.push((index, excluded));
-                    excluded
-                });
-                Occluder {
-                    corners: touching::standing_on([p, q], &entry.corners, self.slack),
-                    one_sided,
+        let mut found: Vec<Occluder<'_>> = Vec::with_capacity(occluders.len());
+        for id in occluders {
+            let entry = &self.entries[id.0 as usize];
+            let body = entry.solid.filter(|&index| {
+                if let Some(known) = outside.iter().find(|known| known.0 == index) {
+                    return known.1;
                 }
-            })
-            .collect()
+                let solid = &self.solids[index as usize];
+                let excluded = solid.excludes(p, self.slack) && solid.excludes(q, self.slack);
+                outside.push((index, excluded));
+                excluded
+            });
+            found.push(Occluder {
+                corners: touching::standing_on([p, q], &entry.corners, self.slack),
+                one_sided: body.is_some(),
+                body: body.map(|index| Body(&self.solids[index as usize])),
+            });
+        }
+        // A solid that was moved to stand on a patch is no longer what the file has.
+        let moved = found.iter().filter(|side| matches!(side.corners, Cow::Owned(_)));
+        let moved: Vec<Body<'_>> = moved.filter_map(|side| side.body).collect();
+        for side in &mut found {
+            side.body = side.body.filter(|body| !moved.contains(body));
+        }
+        found
     }
 }
 

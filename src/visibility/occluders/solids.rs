@@ -15,10 +15,23 @@ const MIN_POLYGONS: usize = 4;
 /// A solid with more polygons is not looked at for convexity, which takes polygons × corners: its shadows then only cost more.
 const MAX_POLYGONS: usize = 2000;
 
-/// A closed convex solid whose faces look outwards.
+/// An edge of a solid.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ridge {
+    /// The ends, in the order in which they run counter-clockwise around the first side.
+    pub(crate) ends: [DVec3; 2],
+    /// The indices of the sides that it lies between.
+    pub(crate) sides: [usize; 2],
+}
+
+/// A closed convex solid whose faces look outwards; a side where it stands on other faces may be missing.
 #[derive(Clone, Debug)]
-pub(super) struct Solid {
+pub(crate) struct Solid {
     planes: Vec<Plane>,
+    /// The corners, each once.
+    corners: Vec<DVec3>,
+    /// The edges; none where not all of them are edges of two sides each.
+    ridges: Vec<Ridge>,
     /// Of the sides, in the order of their planes.
     leans: Vec<Lean>,
     /// A point inside.
@@ -28,12 +41,33 @@ pub(super) struct Solid {
 }
 
 impl Solid {
-    /// Tells whether the inside of a polygon lies strictly outside of the solid: whether it is in front of one of the solid's planes, and not in it.
+    /// Tells whether the inside of a polygon lies strictly outside of the solid: whether it is in front of one of the solid's planes, and not in it, or has no side of the solid in its own plane and all of it on one side.
     ///
     /// A polygon in the plane of a side may lie behind that side, which then hides nothing from it: it counts as outside only if another plane tells.
     /// What lies within `slack`, m, and rounding of a plane counts as in it.
     pub(super) fn excludes(&self, corners: &[DVec3], slack: f64) -> bool {
         let tolerance = slack + rounding(corners).max(self.rounding);
+        self.is_before_a_side(corners, tolerance) || self.is_on_one_side(corners, tolerance)
+    }
+
+    fn is_on_one_side(&self, polygon: &[DVec3], tolerance: f64) -> bool {
+        let (plane, lean) = (Plane::of(polygon), Lean::of(polygon));
+        let (mut n_before, mut n_behind, mut n_within) = (0, 0, 0);
+        for &v in &self.corners {
+            let (height, rounded) = (plane.height(v), lean.height(tolerance, v));
+            if height > rounded {
+                n_before += 1;
+            } else if height < -rounded {
+                n_behind += 1;
+            } else {
+                n_within += 1;
+            }
+        }
+        // A corner or an edge that stands on the polygon takes nothing of it away.
+        n_within <= 2 && (n_before == 0 || n_behind == 0)
+    }
+
+    fn is_before_a_side(&self, corners: &[DVec3], tolerance: f64) -> bool {
         self.planes.iter().zip(&self.leans).any(|(plane, lean)| {
             let heights = || corners.iter().map(|&v| (plane.height(v), lean.height(tolerance, v)));
             heights().all(|(h, _)| h >= -tolerance) && heights().any(|(h, rounded)| h > rounded)
@@ -42,8 +76,20 @@ impl Solid {
 }
 
 impl Solid {
+    pub(crate) fn planes(&self) -> &[Plane] {
+        &self.planes
+    }
+
+    pub(crate) fn corners(&self) -> &[DVec3] {
+        &self.corners
+    }
+
+    pub(crate) fn ridges(&self) -> &[Ridge] {
+        &self.ridges
+    }
+
     /// Returns a point inside.
-    pub(super) fn middle(&self) -> DVec3 {
+    pub(crate) fn middle(&self) -> DVec3 {
         self.middle
     }
 
@@ -70,7 +116,11 @@ pub(super) fn find(
     polygons: &[(Vec<DVec3>, Vec<FaceId>)],
     slack: f64,
 ) -> (Vec<Solid>, Vec<Option<u32>>) {
-    let piece_of_face: Vec<Option<u32>> = scene.face_ids().map(|face| connected.closed_by_itself(face)).collect();
+    let piece_of_face: Vec<Option<u32>> = scene.face_ids().map(|face| connected.closed(face)).collect();
+    let mut caps_of_piece: HashMap<u32, Vec<&[DVec3]>> = HashMap::new();
+    for (piece, corners) in connected.caps() {
+        caps_of_piece.entry(*piece).or_default().push(corners);
+    }
     let mut polygons_of_piece: HashMap<u32, Vec<usize>> = HashMap::new();
     for (k, (_, faces)) in polygons.iter().enumerate() {
         // A polygon that stands for two coincident faces is no side of a solid: light may come from either.
@@ -90,28 +140,87 @@ pub(super) fn find(
     let (mut solids, mut solid_of_polygon) = (Vec::new(), vec![None; polygons.len()]);
     for (piece, sides) in pieces {
         let covered: usize = sides.iter().map(|&k| polygons[k].1.len()).sum();
+        let caps = caps_of_piece.get(&piece).map_or(&[][..], Vec::as_slice);
+        let outlines: Vec<&[DVec3]> = sides
+            .iter()
+            .map(|&k| polygons[k].0.as_slice())
+            .chain(caps.iter().copied())
+            .collect();
         // A sheet of one polygon is closed too: each of its edges is run along once in each sense. It has no inside.
-        if sides.len() < MIN_POLYGONS || sides.len() > MAX_POLYGONS || covered != n_faces[&piece] {
+        if outlines.len() < MIN_POLYGONS || outlines.len() > MAX_POLYGONS || covered != n_faces[&piece] {
             continue;
         }
-        let planes: Vec<Plane> = sides.iter().map(|&k| Plane::of(&polygons[k].0)).collect();
-        let corners = || sides.iter().flat_map(|&k| polygons[k].0.iter().copied());
+        let planes: Vec<Plane> = outlines.iter().map(|corners| Plane::of(corners)).collect();
+        let corners = || outlines.iter().copied().flatten().copied();
         let all = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let (low, high) = corners().fold(all, |(l, h), v| (l.min(v), h.max(v)));
         let rounding = rounding(&[low, high]);
         let slack = slack + 1e-12 * (high - low).length() + rounding;
         if planes.iter().all(|plane| corners().all(|v| plane.height(v) <= slack)) {
             let index = u32::try_from(solids.len()).ok();
+            let of_solid = Corners::of(&outlines, slack);
             for &k in &sides {
                 solid_of_polygon[k] = index;
             }
             solids.push(Solid {
                 planes,
-                leans: sides.iter().map(|&k| Lean::of(&polygons[k].0)).collect(),
+                ridges: ridges(&outlines, &of_solid.first_of).unwrap_or_default(),
+                corners: of_solid.firsts.into_iter().map(|(corner, _)| corner).collect(),
+                leans: outlines.iter().map(|corners| Lean::of(corners)).collect(),
                 middle: low.midpoint(high),
                 rounding,
             });
         }
     }
     (solids, solid_of_polygon)
+}
+
+/// The corners of a closed surface: those within `off`, m, of each other are one.
+struct Corners {
+    /// The first of each.
+    firsts: Vec<(DVec3, usize)>,
+    /// Of all corners, side by side, the place of the first that it is one with.
+    first_of: Vec<usize>,
+}
+
+impl Corners {
+    fn of(sides: &[&[DVec3]], off: f64) -> Self {
+        let mut corners: Vec<(DVec3, usize)> = sides.iter().copied().flatten().copied().zip(0..).collect();
+        corners.sort_unstable_by(|a, b| a.0.x.total_cmp(&b.0.x).then(a.1.cmp(&b.1)));
+        let (mut firsts, mut first_of) = (Vec::<(DVec3, usize)>::new(), vec![0; corners.len()]);
+        for (corner, k) in corners {
+            let mut near = firsts.iter().rev().take_while(|first| corner.x - first.0.x <= off);
+            first_of[k] = if let Some(first) = near.find(|first| first.0.distance(corner) <= off) {
+                first.1
+            } else {
+                firsts.push((corner, k));
+                k
+            };
+        }
+        Self { firsts, first_of }
+    }
+}
+
+/// Returns the edges of a closed surface; `None` where an edge is not one of two sides, as at a corner in the middle of another side's edge.
+fn ridges(sides: &[&[DVec3]], first_of: &[usize]) -> Option<Vec<Ridge>> {
+    let (mut ridges, mut open, mut begin) = (Vec::new(), HashMap::new(), 0);
+    for (side, corners) in sides.iter().enumerate() {
+        for (k, &from) in corners.iter().enumerate() {
+            let next = (k + 1) % corners.len();
+            let [a, b] = [k, next].map(|k| first_of[begin + k]);
+            if a == b {
+                continue;
+            }
+            if let Some(other) = open.remove(&[b, a]) {
+                ridges.push(Ridge {
+                    ends: [corners[next], from],
+                    sides: [other, side],
+                });
+            } else if open.insert([a, b], side).is_some() {
+                return None;
+            }
+        }
+        begin += corners.len();
+    }
+    open.is_empty().then_some(ridges)
 }

@@ -134,6 +134,7 @@ fn of_gauss_points(prepared: &Prepared, face: usize, q: usize) -> Vec<f64> {
         let occluder = |k: usize| Occluder {
             corners: polygons[k].as_slice().into(),
             one_sided: false,
+            body: None,
         };
         let occluders: Vec<_> = (0..polygons.len()).filter(between).map(occluder).collect();
         let mut visible = VisibleFactor::new(&polygons[face], sender, &polygons[target], &occluders);

@@ -77,6 +77,7 @@ fn occluders_hide_what_is_behind_them() {
         let occluder = Occluder {
             corners: plate.as_slice().into(),
             one_sided: false,
+            body: None,
         };
         let expected = VisibleFactor::new(&region, normal, &ceiling, &[occluder]).at(place);
         within(found[0].surfaces[0].value, 1e-12, expected, 1.0);
@@ -285,6 +286,7 @@ fn as_by_clipping(
                 .map(|(_, corners)| Occluder {
                     corners: corners.as_slice().into(),
                     one_sided: false,
+                    body: None,
                 })
                 .collect();
             let area = (plate[1] - plate[0]).cross(plate[2] - plate[0]);

@@ -2,6 +2,7 @@
 
 use crate::embree::scenes;
 
+mod bodies;
 mod careless;
 mod certified;
 mod closed_rooms;

@@ -133,6 +133,7 @@ pub(crate) fn two_sided(polygons: &[Polygon]) -> Vec<Occluder<'_>> {
         occluders.push(Occluder {
             corners: corners.into(),
             one_sided: false,
+            body: None,
         });
     }
     occluders
