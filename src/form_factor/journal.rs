@@ -166,8 +166,11 @@ mod tests {
 
     #[test]
     fn what_is_no_record_is_left() {
-        let record: Vec<u8> = [LAYOUT, 5, 1, 2, 3, 4].iter().flat_map(|n| n.to_le_bytes()).collect();
-        assert_eq!(decode(&record, 5), Some(vec![(1, [2, 3, 4])]));
+        let record: Vec<u8> = [LAYOUT, 5, 1, 2, 3, 4, 5]
+            .iter()
+            .flat_map(|n| n.to_le_bytes())
+            .collect();
+        assert_eq!(decode(&record, 5), Some(vec![(1, [2, 3, 4, 5])]));
         assert_eq!(decode(&record, 6), None);
         for cut in 17..record.len() {
             assert_eq!(decode(&record[..cut], 5), None, "{cut}");

@@ -22,10 +22,10 @@ const FIRST: usize = 2;
 const SPREADS: f64 = 4.5;
 
 /// What of all rays may have missed something, in rays, where some were stopped and others not.
-const MISSED: f64 = 2.0;
+const MISSED: f64 = 3.0;
 
-/// The same where all were, or none: in one of 1,000 cases of what 7 in n rays would meet, n rays meet nothing.
-const MISSED_BY_ALL: f64 = 7.0;
+/// The same where all were, or none: of what 8 in n rays would meet, n rays meet nothing in three of 10,000 cases.
+const MISSED_BY_ALL: f64 = 8.0;
 
 /// Nearer than this, in radii of the target, directions are drawn and not places: the kernel has a peak there.
 const NEAR: f64 = 2.0;
@@ -42,6 +42,9 @@ const MIN_ALL: usize = 5;
 /// What of the error allowed that of rays may be: where clipping is mostly far better than it states, rays are not, and rows have many of them.
 const SHARE: f64 = 0.3;
 
+/// Clipping has to cost so many times more: its true errors are mostly far smaller, and rows gain from that.
+const GAIN: f64 = 4.0;
+
 /// Time of a ray, and of an occluder that it looks at, in evaluations of the inner factor with one occluder.
 const RAY: f64 = 0.5;
 const LOOK: f64 = 0.02;
@@ -55,14 +58,14 @@ const SQUARE: f64 = 0.03;
 ///
 /// A ray looks at `n_sides` polygons of `n_occluders`, of which those that are no sides of solids have `n_corners`; `ratio` is the exchange area without occluders in units of the error allowed. The error of n scrambled rays falls as n^(−5/8), as they
 /// are stopped or not: between n^(−1/2) of independent ones and n^(−3/4) of the best there are for regions of four dimensions.
-fn worth(n_occluders: usize, n_sides: usize, n_corners: usize, ratio: f64) -> Option<usize> {
+fn worth(n_occluders: usize, n_sides: usize, n_corners: usize, ratio: f64) -> Option<f64> {
     let [occluders, sides, corners] = [n_occluders, n_sides, n_corners].map(|n| n as f64);
     let expected = (SCRAMBLES * FIRST) as f64 + (0.5 * SPREADS * ratio).powf(1.6);
     let of_ray = RAY + LOOK * sides;
     let n_clips = CLIPS * occluders + CROSSINGS * (corners - occluders).max(0.0).powi(2);
     let of_clips = n_clips * (1.0 + SQUARE * occluders * occluders);
     // Rays that were in vain take as long as clipping, at most.
-    (expected * of_ray < of_clips).then_some((of_clips / of_ray) as usize)
+    (GAIN * expected * of_ray < of_clips).then_some(of_clips / of_ray)
 }
 
 /// Returns the exchange area of two polygons with occluders between them to within `goal`, m², by rays; `None` where clipping takes less, or rays turn out to take more than expected.
@@ -87,13 +90,14 @@ pub(in crate::form_factor) fn by_rays(
     let most = worth(count, occluders.len(), n_corners(loose()), whole.area / enough)?;
     let between = Between::new(sides, occluders)?;
     let mut streams = between.streams();
-    let (mut n, mut sums) = (FIRST, [[0.0; 2]; SCRAMBLES]);
+    let (mut n, mut sums) = (FIRST, [[0.0; 3]; SCRAMBLES]);
     let (mut last, mut n_done, mut n_stopped) = (0, 0, 0);
     loop {
-        for (stream, [all, hidden]) in streams.iter_mut().zip(&mut sums) {
+        for (stream, [all, hidden, squared]) in streams.iter_mut().zip(&mut sums) {
             for _ in n_done..n {
                 let (weight, ends) = between.ray(stream.next_point());
                 *all += weight;
+                *squared += weight * weight;
                 if weight > 0.0 && between.is_stopped(ends, &mut last) {
                     *hidden += weight;
                     n_stopped += 1;
@@ -113,7 +117,7 @@ pub(in crate::form_factor) fn by_rays(
             });
         }
         n *= 2;
-        if n * SCRAMBLES > most {
+        if (n * SCRAMBLES) as f64 > most {
             return None;
         }
     }
@@ -128,12 +132,14 @@ fn n_corners<'a>(polygons: impl Iterator<Item = &'a Occluder<'a>>) -> usize {
     places.len()
 }
 
-/// Returns what `n` rays of each scramble tell: of the kernel on them, all and what was stopped, summed.
-fn estimate(sums: &[[f64; 2]; SCRAMBLES], n: usize, n_stopped: usize, whole: Whole) -> Whole {
+/// Returns what `n` rays of each scramble tell: of the kernel on them, all and what was stopped, and the squares of all, summed.
+///
+/// What the kernel on the rays is off its integral, rays have missed of it, or of what is seen or hidden. Where it differs from ray to ray, they are as good as fewer.
+fn estimate(sums: &[[f64; 3]; SCRAMBLES], n: usize, n_stopped: usize, whole: Whole) -> Whole {
     let count = SCRAMBLES as f64;
-    let [all, hidden] = [0, 1].map(|k| sums.iter().map(|sum| sum[k]).sum::<f64>());
+    let [all, hidden, squared] = [0, 1, 2].map(|k| sums.iter().map(|sum| sum[k]).sum::<f64>());
     let share = if all > 0.0 { hidden / all } else { 0.0 };
-    let of_scramble = sums.map(|[all, hidden]| (hidden - share * all) / n as f64 + share * whole.area);
+    let of_scramble = sums.map(|[all, hidden, _]| (hidden - share * all) / n as f64 + share * whole.area);
     let mean = of_scramble.iter().sum::<f64>() / count;
     let variance = of_scramble.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0);
     let n_rays = n * SCRAMBLES;
@@ -143,7 +149,13 @@ fn estimate(sums: &[[f64; 2]; SCRAMBLES], n: usize, n_stopped: usize, whole: Who
         MISSED
     };
     let area = (whole.area - mean).clamp(0.0, whole.area);
-    let error = SPREADS * (variance / count).sqrt() + whole.area * (missed / n_rays as f64).min(1.0) + whole.error;
+    let off = (all / n_rays as f64 - whole.area).abs() * share.max(1.0 - share);
+    let unseen = if squared > 0.0 {
+        (missed * squared / (all * all)).min(1.0)
+    } else {
+        1.0
+    };
+    let error = SPREADS * (variance / count).sqrt() + whole.area * unseen + off + whole.error;
     Whole {
         area,
         error: whole.bounded(area, error),
@@ -172,7 +184,9 @@ impl Fan {
                 sum
             })
             .collect();
-        ends.iter_mut().for_each(|end| *end /= sum);
+        for end in &mut ends {
+            *end /= sum;
+        }
         Self {
             normal: polygon::area_vector(corners).normalize_or_zero(),
             area: sum,
@@ -256,7 +270,7 @@ impl Between {
                     .collect(),
             }
         });
-        let numbers = sides.iter().flatten().flat_map(|v| v.to_array());
+        let numbers = sides.iter().flatten().flat_map(DVec3::to_array);
         let seed = numbers.fold(0_u64, |seed, x| {
             (seed.rotate_left(23) ^ x.to_bits()).wrapping_mul(0x9e37_79b9_7f4a_7c15)
         });
@@ -468,7 +482,7 @@ mod tests {
     #[test]
     fn rays_are_chosen_where_clipping_would_cost_more() {
         assert_eq!(worth(5, 5, 0, 1000.0), None);
-        assert!(worth(30, 30, 20, 5.0).is_some_and(|most| most < 100_000));
+        assert!(worth(30, 30, 20, 5.0).is_some_and(|most| most < 1e5));
         assert!(worth(40, 40, 120, 600.0).is_some(), "loose leaves");
         assert_eq!(worth(40, 40, 24, 600.0), None, "facets of a surface");
         assert_eq!(worth(12, 12, 36, 1e5), None);

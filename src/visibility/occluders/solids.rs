@@ -166,7 +166,7 @@ pub(super) fn find(
                 planes,
                 ridges: ridges(&outlines, &of_solid.first_of).unwrap_or_default(),
                 corners: of_solid.firsts.into_iter().map(|(corner, _)| corner).collect(),
-                leans: outlines.iter().map(|corners| Lean::of(corners)).collect(),
+                leans: outlines.iter().copied().map(Lean::of).collect(),
                 middle: low.midpoint(high),
                 rounding,
             });

@@ -62,8 +62,8 @@ fn cases(seed: u64, n: usize, mut visit: impl FnMut(&Polygon, &Polygon, Vec<Occl
         );
         let index = OccluderIndex::new(&scene_of(&body));
         let up = random_rotation(&mut random, TAU);
-        let place = |random: &mut Random, side: f64| {
-            let tilt = random_rotation(random, 0.7);
+        let mut place = |side: f64| {
+            let tilt = random_rotation(&mut random, 0.7);
             let centre = DVec3::Z * side * random.between(0.4, 1.2) + 0.3 * random.direction();
             let facing = if side < 0.0 {
                 DQuat::IDENTITY
@@ -71,9 +71,9 @@ fn cases(seed: u64, n: usize, mut visit: impl FnMut(&Polygon, &Polygon, Vec<Occl
                 DQuat::from_rotation_x(PI)
             };
             let size = random.between(0.3, 3.0);
-            random_polygon(random, up * centre, up * tilt * facing, size)
+            random_polygon(&mut random, up * centre, up * tilt * facing, size)
         };
-        let (p, q) = (place(&mut random, -1.0), place(&mut random, 1.0));
+        let (p, q) = (place(-1.0), place(1.0));
         let PairVisibility::Partial(ids) = index.classify(&p, &q) else {
             continue;
         };
@@ -116,8 +116,8 @@ fn a_silhouette_hides_what_the_sides_hide() {
             n_partly += usize::from(seen > 0.0 && seen < all - 1e-9);
         }
         let cuts = |side: &Occluder<'_>| {
-            let normal = polygon::area_vector(&side.corners);
-            let heights = || q.iter().map(|&v| normal.dot(v - side.corners[0]));
+            let up = polygon::area_vector(&side.corners);
+            let heights = || q.iter().map(|&v| up.dot(v - side.corners[0]));
             heights().any(|h| h > 0.0) && heights().any(|h| h < 0.0)
         };
         n_cut += usize::from(occluders.iter().any(cuts));
@@ -128,14 +128,14 @@ fn a_silhouette_hides_what_the_sides_hide() {
 #[test]
 fn integrals_past_bodies_agree_with_those_along_their_lines() {
     cases(5, 12, |p, q, occluders, _| {
-        let with = |occluders: &[Occluder<'_>], tolerance: f64| {
+        let with = |list: &[Occluder<'_>], tolerance: f64| {
             let accuracy = Accuracy {
                 tolerance,
                 budget: BUDGET,
             };
-            let found = exchange_area(p, q, occluders, accuracy);
-            assert!(found.reached, "{found:?}");
-            found
+            let result = exchange_area(p, q, list, accuracy);
+            assert!(result.reached, "{result:?}");
+            result
         };
         let sides: Vec<Occluder<'_>> = occluders
             .iter()
