@@ -69,7 +69,7 @@ impl Reference {
     /// Finds or computes the reference for a scene.
     ///
     /// Where nothing blocks, or `input.unoccluded` says not to look: the closed form if all patches are rectangles with parallel edges, else the exchange
-    /// area of each pair of polygons. Else certified numbers, if the scene has them. Else [`ExactMethod`] at `tolerance`. All without rays.
+    /// area of each pair of polygons. Else certified numbers, if the scene has them. Else [`ExactMethod`] at `tolerance`. All without rays, but for pairs of [`ExactMethod`] that clipping would take far longer for.
     /// What is between patches is stored as `storage` says.
     ///
     /// # Errors
