@@ -34,10 +34,15 @@ pub(super) fn describe_checks(text: &mut String, computed: &FormFactorStudy) {
     if let Some(pairs) = computed.pairs {
         let _ = writeln!(
             text,
-            "{} pairs face each other: {} see each other whole, {} in part, {} not at all; {} rays between them",
+            "{} pairs face each other: {} see each other whole, {} in part{}, {} not at all; {} rays between them",
             pairs.full + pairs.partial + pairs.hidden,
             pairs.full,
             pairs.partial,
+            if pairs.by_rays > 0 {
+                format!(" ({} of these by rays)", pairs.by_rays)
+            } else {
+                String::new()
+            },
             pairs.hidden,
             pairs.n_rays
         );

@@ -211,12 +211,9 @@ impl Model {
         };
         let chosen = request.chosen(cx)?;
         let method = &*chosen.method;
-        if method.name() == "exact" {
-            if request.explain {
-                self.explain_exact(request);
-            }
-            let nothing = "rays between patches: nothing here is sampled".into();
-            self.plan.left_out.push(nothing);
+        let is_exact = method.name() == "exact";
+        if is_exact && request.explain {
+            self.explain_exact(request);
         }
         // Pairs without occluders need no rays.
         let has_noisy_pairs = method.has_noisy_pairs() && !self.input().unoccluded;
@@ -252,7 +249,12 @@ impl Model {
         }
         cx.warn_of_checkpoint();
         let of_pairs = result.pairs.map_or(0, |pairs| pairs.n_rays);
-        if of_pairs > 0 || result.factors.tallies().iter().any(|tally| tally.n_rays > 0) {
+        if is_exact && of_pairs == 0 {
+            let nothing = "rays between patches: nothing here is sampled".into();
+            self.plan.left_out.push(nothing);
+        }
+        // Those of `exact` are traced in f64, and pass through no gap.
+        if (of_pairs > 0 && !is_exact) || result.factors.tallies().iter().any(|tally| tally.n_rays > 0) {
             self.warn_of_narrow_gaps(cx);
         }
         warn_above_tolerance(&self.scene, &result, request.tolerance_parameter, cx);
