@@ -118,6 +118,10 @@ pub struct FormFactorsDocument<'a> {
     pub surface_error: Option<Vec<&'a [f64]>>,
     /// 1 − Σ_j F_ij of each surface: what no front receives of its light.
     pub lost_factor: Option<Vec<f64>>,
+    /// Σ_j F_ij of each surface: what fronts receive of its light.
+    pub row_sum_of_surface: Vec<f64>,
+    /// The absolute error of each, the area mean of those of its patches: the sum of what the entries of a row state, as these may have one sign; null where the errors of the form factors are not known.
+    pub row_sum_error: Option<Vec<f64>>,
     /// The fraction of the light of each surface that escapes.
     pub sky_factor: Vec<f64>,
     /// The absolute error of each; null where the errors of the form factors are not known.
@@ -150,6 +154,8 @@ impl<'a> FormFactorsDocument<'a> {
             surface_form_factor: rows.map(|rows| rows.iter().map(|row| &*row.form_factor).collect()),
             surface_error: rows.map(|rows| rows.iter().map(|row| &*row.error).collect()),
             lost_factor: table.lost_factors(),
+            row_sum_of_surface: values(&sky.received),
+            row_sum_error: errors(&sky.received),
             sky_factor: values(&sky.sky),
             sky_factor_error: errors(&sky.sky),
             back_factor: values(&sky.back),

@@ -68,7 +68,7 @@ pub use closed_form::ClosedForm;
 pub use closure::{Closure, Enclosed, Leak, MAX_ESCAPED, closed_rows, enclosed};
 pub use contour::ContourIntegral;
 pub use error::FormFactorError;
-pub use exact::{BUDGET, ExactMethod};
+pub use exact::{BUDGET, ExactMethod, ExactRows, ROW_TOLERANCE, worst_row};
 pub use forecast::{Choice, within};
 pub use fraction::Fraction;
 pub use gauss_lambert::GaussLambert;

@@ -8,16 +8,18 @@ use super::{Enclosed, Input, Reciprocity};
 use crate::matrix::{FormFactors, RowTally};
 use crate::mesh::Mesh;
 
-/// The fractions of the light of patches, or of surfaces, that no front receives.
+/// The fractions of the light of patches, or of surfaces, that fronts receive, and that none does.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SkyFactors {
     /// What escapes.
     pub sky: Vec<Fraction>,
     /// What black backs take.
     pub back: Vec<Fraction>,
+    /// What fronts receive: Σ_j F_ij, the sum of a row.
+    pub received: Vec<Fraction>,
 }
 
-/// Returns of each patch the fractions of its light that escape and that backs take, \[n\]: the sky factor and the back factor.
+/// Returns of each patch the fractions of its light that escape, that backs take and that fronts receive, \[n\]: the sky factor, the back factor and the sum of its row.
 ///
 /// sky = 1 − Σ_j F_ij − back. In a scene that is closed for certain nothing escapes, and backs take what is missing from a row; where that was stated by the user, or faces miss each other by up to 1e-8 of their size,
 /// the error has what a row misses of 1. Rays that leave a patch all over are counted, where the
@@ -26,7 +28,7 @@ pub struct SkyFactors {
 /// the method shoots rays from a rule's points, as many as it shoots.
 ///
 /// Errors: of counted rays sqrt(p (1 − p) / N), with p = (N f + 1) / (N + 2) of a fraction f of N rays; else the sum of what the entries of the row state (of rays from a rule's points: beyond
-/// their noise, and that of the row), and that of back. They are zero where nothing can be seen.
+/// their noise, and that of the row), and that of back. They are zero where nothing can be seen. That of the sum of a row is the sum of what its entries state, and its noise: errors of one row may have one sign.
 ///
 /// Work: a pass over the rows, O(n log n), and where backs may be seen the pairs of patches and faces at worst.
 ///
@@ -57,18 +59,18 @@ pub fn sky_factors(
             common: 0.0,
             variance: tally.variance_of(value.unwrap_or(0.0)),
         };
-        let left_by = |back: Fraction| {
-            let (mut sum, mut errors) = (0.0, 0.0);
-            factors.for_each_in_row(i, |_, value, error| {
-                sum += value;
-                errors += factors.beyond_noise(i, value, error);
-            });
-            let noise = if tally.n_rays > 0 { tally.variance_of(sum) } else { 0.0 };
-            Fraction {
-                value: (1.0 - sum - back.value).clamp(0.0, 1.0),
-                common: f64::min(errors + back.common, 1.0),
-                variance: noise + back.variance,
-            }
+        let mut received = Fraction::default();
+        factors.for_each_in_row(i, |_, value, error| {
+            received.value += value;
+            received.common += factors.beyond_noise(i, value, error);
+        });
+        if tally.n_rays > 0 {
+            received.variance = tally.variance_of(received.value);
+        }
+        let left_by = |back: Fraction| Fraction {
+            value: (1.0 - received.value - back.value).clamp(0.0, 1.0),
+            common: f64::min(received.common + back.common, 1.0),
+            variance: received.variance + back.variance,
         };
         let nothing = Fraction::default();
         // What a row misses of 1 may have escaped where that cannot be ruled out.
@@ -80,7 +82,7 @@ pub fn sky_factors(
             let left = left_by(nothing);
             at_most(left.value + left.error())
         };
-        match (is_known, counts(tally)) {
+        let (sky, back) = match (is_known, counts(tally)) {
             (true, _) if enclosed.rows[i] && enclosed.may_escape[i] > 0.0 => (missed(), missed()),
             (true, _) if enclosed.rows[i] => (nothing, nothing),
             (true, true) => (at_most(tally.escaped().unwrap_or(0.0)), counted(tally.absorbed())),
@@ -91,10 +93,11 @@ pub fn sky_factors(
             }
             (false, true) => (counted(tally.escaped()), counted(tally.absorbed())),
             (false, false) => (left_by(backs[i]), backs[i]),
-        }
+        };
+        ((sky, back), received)
     };
-    let (sky, back) = (0..n).into_par_iter().map(of_row).unzip();
-    SkyFactors { sky, back }
+    let ((sky, back), received) = (0..n).into_par_iter().map(of_row).unzip();
+    SkyFactors { sky, back, received }
 }
 
 impl SkyFactors {
@@ -114,6 +117,10 @@ impl SkyFactors {
                 means[k].common += weight * own.common;
                 means[k].variance += weight * weight * own.variance;
             }
+            means
+        };
+        let fractions = |of_patches: &[Fraction]| {
+            let mut means = means(of_patches);
             for mean in &mut means {
                 // A sum of weights may be above 1 by rounding.
                 mean.value = mean.value.min(1.0);
@@ -121,8 +128,9 @@ impl SkyFactors {
             means
         };
         Self {
-            sky: means(&self.sky),
-            back: means(&self.back),
+            sky: fractions(&self.sky),
+            back: fractions(&self.back),
+            received: means(&self.received),
         }
     }
 }

@@ -9,7 +9,7 @@ use crate::audit::Repair;
 use crate::form_factor::registry::{self, MethodEntry};
 use crate::form_factor::{
     self, Before, Closure, Computed, ExactMethod, FormFactorError, FormFactorMethod, MethodSettings, NORMALISE,
-    PairCounts, RAYS, Reciprocity, SEQUENCE, SkyFactors, TOLERANCE,
+    PairCounts, RAYS, ROW_TOLERANCE, Reciprocity, SEQUENCE, SkyFactors, TOLERANCE, worst_row,
 };
 use crate::matrix::{BalanceReport, Checks, FormFactors, Need, RepairKind, Sampling};
 use crate::progress::Progress as _;
@@ -258,6 +258,11 @@ impl Model {
             self.warn_of_narrow_gaps(cx);
         }
         warn_above_tolerance(&self.scene, &result, request.tolerance_parameter, cx);
+        let of_rows = request.settings.values.get(&ROW_TOLERANCE);
+        if of_rows.is_some() && !result.tolerance_met {
+            let worst = worst_row(&result.factors);
+            cx.warn(Warning::RowsAboveTolerance { worst });
+        }
         let promised = Promised {
             reciprocity: method.reciprocity(),
             errors_known: true,

@@ -134,6 +134,11 @@ pub enum Warning {
         /// What sets the tolerance.
         tolerance: Parameter,
     },
+    /// Rows are above the tolerance of rows, and a tighter one of entries does not help.
+    RowsAboveTolerance {
+        /// The greatest error of a row.
+        worst: f64,
+    },
     /// Rounded coordinates leave pairs in doubt above the tolerance.
     #[serde(skip)]
     Rounded {

@@ -3,6 +3,7 @@
 use std::fmt::{self, Write as _};
 
 use super::Warning;
+use crate::form_factor::ROW_TOLERANCE;
 use crate::parameter::{Named, Parameter, plainly};
 use crate::printable::{counted, printable, short};
 use crate::progress::Forecast;
@@ -277,6 +278,10 @@ impl Warning {
                 counted(usize::try_from(*n_pairs).unwrap_or(usize::MAX), "pair"),
                 name(Parameter::Budget),
                 name(*tolerance)
+            ),
+            Self::RowsAboveTolerance { worst } => format!(
+                "the error of a row is {worst:.1e}, above the tolerance of rows, and more work does not help; give a greater {}",
+                name(Parameter::Of(&ROW_TOLERANCE))
             ),
             Self::Rounded { doubt, tolerance } => format!("{doubt}, or a greater {}", name(*tolerance)),
             Self::FileAboveTolerance { file } => format!(

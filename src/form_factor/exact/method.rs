@@ -1,5 +1,6 @@
 //! What the exact method is asked for.
 
+use super::row_tolerance::{ExactRows, ROW_TOLERANCE};
 use crate::form_factor::entry::{MethodEntry, Work};
 use crate::form_factor::settings::TOLERANCE;
 use crate::geometry::polygon_form_factor::Tolerance;
@@ -77,13 +78,19 @@ pub(in crate::form_factor) const ENTRY: MethodEntry = MethodEntry {
     summary: "Every pair to a tolerance, shadows by exact clipping",
     settings: &[
         TOLERANCE.or(Value::Number(ExactMethod::DEFAULT_TOLERANCE)),
+        ROW_TOLERANCE.optional(),
         BUDGET.or(Value::Count(ExactMethod::DEFAULT_BUDGET as u64)),
     ],
     work: Work::Pairs,
     make: |s| {
+        let budget = s.values.get(&BUDGET)?.size()?.get();
+        if let Some(of_rows) = s.values.get(&ROW_TOLERANCE) {
+            let row_tolerance = of_rows.number()?;
+            return Some(Box::new(ExactRows { row_tolerance, budget }));
+        }
         Some(Box::new(ExactMethod {
             tolerance: s.tolerance()?,
-            budget: s.values.get(&BUDGET)?.size()?.get(),
+            budget,
         }))
     },
 };

@@ -9,6 +9,7 @@ mod grids;
 mod lattice;
 mod method;
 mod patches;
+mod row_tolerance;
 mod sample;
 mod split;
 mod stated;
@@ -19,4 +20,5 @@ mod walk;
 
 pub(super) use method::ENTRY;
 pub use method::{BUDGET, ExactMethod};
+pub use row_tolerance::{ExactRows, ROW_TOLERANCE, worst_row};
 pub(super) use split::Split;

@@ -14,5 +14,6 @@ mod moved;
 mod near_pairs;
 mod properties;
 mod rounded;
+mod row_tolerance;
 mod sky;
 mod stated_coverage;

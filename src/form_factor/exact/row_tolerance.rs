@@ -1,0 +1,132 @@
+//! The exact method to a tolerance of rows, in place of one of entries.
+
+use std::path::Path;
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use super::method::ExactMethod;
+use crate::form_factor::{ComputeResult, Computed, FormFactorError, FormFactorMethod, Input};
+use crate::matrix::{FormFactors, StorageChoice};
+use crate::progress::{Forecast, Progress};
+use crate::setting::{Kind, Setting};
+
+/// The error that the sum of each row may have.
+pub static ROW_TOLERANCE: Setting = Setting {
+    name: "row_tolerance",
+    help: "The error that the sum of each row may have, in place of the tolerance of single form factors",
+    letter: "T",
+    kind: Kind::Number,
+};
+
+/// Tolerances of entries from which on rows are looked at.
+const LOOSEST: f64 = 0.1;
+
+/// No tolerance of entries is worth less than this.
+const LEAST: f64 = 1e-12;
+
+/// What of the way to the tolerance of rows is gone beyond it, as errors do not fall in proportion.
+const BEYOND: f64 = 0.7;
+
+/// Where a tighter tolerance takes the error of the worst row to no less than this part of it, more work does not help: what rounded corners add stays.
+const STUCK: f64 = 0.8;
+
+/// Exact exchange areas such that every row's error is within a tolerance.
+///
+/// The error of a row is Σ_j of the errors that its entries state: those of one row may have one sign. Entries are computed to `row_tolerance` first, and again to less as long as a row is above it; with a checkpoint, the first of these
+/// goes on where an earlier run ended. [`Computed::tolerance_met`] is false where that does not help.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ExactRows {
+    /// The tolerance of Σ_j F_ij, above 0.
+    pub row_tolerance: f64,
+    /// The most evaluations of the inner form factor for one pair.
+    pub budget: usize,
+}
+
+impl FormFactorMethod for ExactRows {
+    fn name(&self) -> &'static str {
+        "exact"
+    }
+
+    fn working_byte(&self, n_patches: usize) -> u64 {
+        ExactMethod::default().working_byte(n_patches)
+    }
+
+    fn compute(&self, input: Input<'_>, storage: StorageChoice, progress: &dyn Progress) -> ComputeResult {
+        if self.row_tolerance.is_nan() || self.row_tolerance <= 0.0 {
+            return Err(FormFactorError::NotApplicable {
+                method: "exact",
+                reason: format!("the tolerance of rows is {}; give one above 0", self.row_tolerance),
+            });
+        }
+        let mut method = ExactMethod {
+            tolerance: self.row_tolerance.min(LOOSEST),
+            budget: self.budget,
+        };
+        let mut found = method.compute(input, storage.clone(), progress)?;
+        let mut worst = worst_row(&found.factors);
+        while worst > self.row_tolerance {
+            method.tolerance *= BEYOND * self.row_tolerance / worst;
+            if method.tolerance < LEAST || progress.is_late() {
+                break;
+            }
+            // Nothing is held twice, and a checkpoint has the pieces of one tolerance only.
+            drop(found);
+            found = method.compute(input, storage.clone(), &Unkept(progress))?;
+            let before = std::mem::replace(&mut worst, worst_row(&found.factors));
+            if worst > STUCK * before {
+                break;
+            }
+        }
+        Ok(Computed {
+            tolerance_met: worst <= self.row_tolerance,
+            ..found
+        })
+    }
+}
+
+/// Returns the greatest error of a row, Σ_j of what its entries state.
+pub fn worst_row(factors: &FormFactors) -> f64 {
+    let of_row = |i: usize| {
+        let mut sum = 0.0;
+        factors.for_each_in_row(i, |_, _, error| sum += error);
+        sum
+    };
+    (0..factors.n_rows())
+        .into_par_iter()
+        .map(of_row)
+        .reduce(|| 0.0, f64::max)
+}
+
+/// Progress without a checkpoint.
+struct Unkept<'a>(&'a dyn Progress);
+
+impl Progress for Unkept<'_> {
+    fn begin(&self, stage: &str, total: u64) {
+        self.0.begin(stage, total);
+    }
+
+    fn advance(&self, steps: u64) {
+        self.0.advance(steps);
+    }
+
+    fn forecast(&self, forecast: &Forecast) {
+        self.0.forecast(forecast);
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        self.0.deadline()
+    }
+
+    fn is_late(&self) -> bool {
+        self.0.is_late()
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.0.is_cancelled()
+    }
+
+    fn opened(&self, checkpoint: &Path) {
+        self.0.opened(checkpoint);
+    }
+}

@@ -1,0 +1,45 @@
+//! A tolerance of rows: the worst row keeps it, and less work is done than an equal tolerance of entries would need.
+
+use radiosity::form_factor::{ExactMethod, MethodSettings, ROW_TOLERANCE, method, worst_row};
+use radiosity::scene::builtin;
+
+use crate::support::rooms::Prepared;
+
+#[test]
+fn rows_are_within_their_tolerance() {
+    for (name, n) in [("room-box", 4), ("cornell-box", 2)] {
+        let prepared = Prepared::new(builtin::build(name, None).unwrap().scene, n);
+        let reference = prepared.compute(&ExactMethod {
+            tolerance: 1e-8,
+            ..ExactMethod::default()
+        });
+        for tolerance in [1e-2, 1e-4] {
+            let settings = MethodSettings::default().with(&ROW_TOLERANCE, tolerance);
+            let computed = prepared.try_compute(&*method("exact", &settings).unwrap()).unwrap();
+            let worst = worst_row(&computed.factors);
+            assert!(computed.tolerance_met && worst <= tolerance, "{name} {worst:e}");
+            assert!(
+                worst > 1e-4 * tolerance,
+                "{name} {worst:e}: far more was done than asked for"
+            );
+            for i in 0..reference.n_rows() {
+                let off = (computed.factors.row_sum(i) - reference.row_sum(i)).abs();
+                assert!(off <= worst + worst_row(&reference), "{name} {i} {off:e}");
+            }
+        }
+    }
+}
+
+/// Below the digits of f64 no work helps: the best that there is, and an end.
+#[test]
+fn rows_that_cannot_be_within_it_are_told() {
+    let prepared = Prepared::new(builtin::build("room-box", None).unwrap().scene, 1);
+    let settings = MethodSettings::default().with(&ROW_TOLERANCE, 1e-14);
+    let computed = prepared.try_compute(&*method("exact", &settings).unwrap()).unwrap();
+    assert!(!computed.tolerance_met && worst_row(&computed.factors) > 1e-14);
+    for wrong in [0.0, -1.0] {
+        let settings = MethodSettings::default().with(&ROW_TOLERANCE, wrong);
+        let error = prepared.try_compute(&*method("exact", &settings).unwrap()).unwrap_err();
+        assert!(error.to_string().contains("give one above 0"), "{error}");
+    }
+}
