@@ -63,7 +63,7 @@ impl FormFactorMethod for ExactRows {
             tolerance: self.row_tolerance.min(LOOSEST),
             budget: self.budget,
         };
-        let mut found = method.compute(input, storage.clone(), progress)?;
+        let mut found = method.compute(input, storage, progress)?;
         let mut worst = worst_row(&found.factors);
         while worst > self.row_tolerance {
             method.tolerance *= BEYOND * self.row_tolerance / worst;
@@ -72,7 +72,7 @@ impl FormFactorMethod for ExactRows {
             }
             // Nothing is held twice, and a checkpoint has the pieces of one tolerance only.
             drop(found);
-            found = method.compute(input, storage.clone(), &Unkept(progress))?;
+            found = method.compute(input, storage, &Unkept(progress))?;
             let before = std::mem::replace(&mut worst, worst_row(&found.factors));
             if worst > STUCK * before {
                 break;

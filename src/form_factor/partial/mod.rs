@@ -112,7 +112,10 @@ pub fn exchange_area(p: &[DVec3], q: &[DVec3], occluders: &[Occluder<'_>], accur
     let goal = accuracy.tolerance * areas[0].min(areas[1]);
     let whole = Whole::of(p, q, SHARE_OF_WHOLE * goal);
     let mut begun = match View::new([p, q], occluders, whole) {
-        Ok(view) => Integration::open(view.look(goal, accuracy.budget)),
+        Ok(view) => {
+            let again = || View::new([p, q], occluders, whole);
+            Integration::open(view.look(again, goal, accuracy.budget))
+        }
         Err(nothing) => Integration::without_looking(nothing),
     };
     begun.refine(goal, accuracy.budget);
@@ -185,7 +188,7 @@ impl Integration {
             Some(enough) => Self {
                 state: State::Done(enough),
             },
-            None => Self::open(view.look(goal, budget)),
+            None => Self::open(view.look(|| View::new(sides, occluders, whole), goal, budget)),
         }
     }
 
@@ -413,21 +416,20 @@ impl<'a> View<'a> {
         (found.error <= goal && area > 0.0).then_some(found)
     }
 
-    /// Looks at all cells: past bodies without their lines of change first, and with these if that goes too slowly.
-    fn look(self, goal: f64, budget: usize) -> Pieces {
+    /// Looks at all cells: past bodies without their lines of change first, and with these if that goes too slowly, for which `again` makes the same view.
+    fn look(self, again: impl FnOnce() -> Result<Self, f64>, goal: f64, budget: usize) -> Pieces {
         if self.bodies.is_empty() {
             return self.first_look(goal, budget, false);
         }
-        let sides = [self.sight.receiver.corners.clone(), self.target.clone()];
-        let (occluders, whole) = (self.occluders.clone(), self.whole);
+        let n_sides = self.occluders.len();
         let mut pieces = self.first_look(goal, budget, true);
-        pieces.refine(goal, budget.min(PAST_BODIES * occluders.len()));
+        pieces.refine(goal, budget.min(PAST_BODIES * n_sides));
         let n_evaluations = pieces.n_evaluations();
         if pieces.error() <= goal || n_evaluations >= budget {
             return pieces;
         }
-        match Self::new(sides.each_ref().map(Vec::as_slice), &occluders, whole) {
-            Ok(again) => again.first_look(goal, budget, false).spent(n_evaluations),
+        match again() {
+            Ok(view) => view.first_look(goal, budget, false).spent(n_evaluations),
             Err(_) => pieces,
         }
     }

@@ -370,8 +370,10 @@ impl OccluderIndex {
                 body: body.map(|index| Body(&self.solids[index as usize])),
             });
         }
-        // A solid that was moved to stand on a patch is no longer what the file has.
-        let moved = found.iter().filter(|side| matches!(side.corners, Cow::Owned(_)));
+        // A solid that was moved to stand on a patch, where coordinates are rounded, is no longer what the file has.
+        let moved = found
+            .iter()
+            .filter(|side| self.slack > 0.0 && matches!(side.corners, Cow::Owned(_)));
         let moved: Vec<Body<'_>> = moved.filter_map(|side| side.body).collect();
         for side in &mut found {
             side.body = side.body.filter(|body| !moved.contains(body));

@@ -38,8 +38,8 @@ fn rows_that_cannot_be_within_it_are_told() {
     let computed = prepared.try_compute(&*method("exact", &settings).unwrap()).unwrap();
     assert!(!computed.tolerance_met && worst_row(&computed.factors) > 1e-14);
     for wrong in [0.0, -1.0] {
-        let settings = MethodSettings::default().with(&ROW_TOLERANCE, wrong);
-        let error = prepared.try_compute(&*method("exact", &settings).unwrap()).unwrap_err();
+        let refused = MethodSettings::default().with(&ROW_TOLERANCE, wrong);
+        let error = prepared.try_compute(&*method("exact", &refused).unwrap()).unwrap_err();
         assert!(error.to_string().contains("give one above 0"), "{error}");
     }
 }

@@ -191,6 +191,23 @@ fn rooms_with_round_things_are_closed() {
     }
 }
 
+/// A globe in the middle of a globe: pairs are their own mirror images, so that either polygon may receive, and tight tolerances look for lines after all.
+#[test]
+fn globes_in_globes_are_closed() {
+    let mut faces = ellipsoid(DVec3::ZERO, DVec3::splat(0.5), 3);
+    let mut shell = ellipsoid(DVec3::ZERO, DVec3::ONE, 2);
+    for face in &mut shell {
+        face.reverse();
+    }
+    faces.extend(shell);
+    for tolerance in [1e-3, 1e-5, 1e-7] {
+        for (i, row) in all_pairs(&faces, tolerance).iter().enumerate() {
+            let off = (row.iter().sum::<f64>() / area(&faces[i]) - 1.0).abs();
+            assert!(off < 10.0 * tolerance, "row {i} at {tolerance}: {off:e}");
+        }
+    }
+}
+
 /// A thing on the floor of which one corner touches it hides nothing of the floor itself, and all behind it.
 #[test]
 fn a_body_may_stand_on_a_corner() {
