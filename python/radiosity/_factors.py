@@ -115,6 +115,12 @@ class FormFactors(Result[_core.FormFactors]):
         return self._core.row_sums()
 
     @property
+    def row_sum_errors(self) -> Floats:
+        """Estimates of the absolute errors of `row_sums`, (n,): the sum of what the entries of a row state, as these may have one sign, and its noise; not a number where nothing is known."""
+        errors = self._core.sky(False)[4]
+        return errors if self.errors_known else np.full_like(errors, np.nan)
+
+    @property
     def errors_known(self) -> bool:
         """False of form factors from a file that holds no errors."""
         return self._core.errors_known

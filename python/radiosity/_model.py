@@ -303,6 +303,7 @@ class Model:
         seed: Optional[int] = None,
         normalise: bool = False,
         budget: Optional[int] = None,
+        row_tolerance: Optional[float] = None,
         balance: str = "auto",
         closed: Optional[bool] = None,
         time_limit: Optional[float] = None,
@@ -326,6 +327,8 @@ class Model:
             Rays for each patch where the method shoots, for each pair with ``qmc``.
         points, resolution, budget : int, optional
             Points along each side of a patch; cells along each edge of the hemicube; evaluations for a pair.
+        row_tolerance : float, optional
+            With ``exact``: the error that the sum of each row may have, in place of `tolerance`.
         sequence : {"sobol", "random"}, optional
             Where the numbers of shooting come from.
         seed : int, optional
@@ -373,6 +376,7 @@ class Model:
             seed=seed,
             normalise=normalise,
             budget=budget,
+            row_tolerance=row_tolerance,
             balance=balance,
             closed=closed,
             time_limit=time_limit,

@@ -80,8 +80,8 @@ impl FormFactors {
         PyArray1::from_vec(py, sums)
     }
 
-    /// What escapes of the light of each patch and what backs take of it, with their errors; of surfaces where these are wanted.
-    fn sky<'py>(&self, py: Python<'py>, of_surfaces: bool) -> [Column<'py>; 4] {
+    /// What escapes of the light of each patch and what backs take of it, with their errors, and the error of what fronts receive; of surfaces where these are wanted.
+    fn sky<'py>(&self, py: Python<'py>, of_surfaces: bool) -> [Column<'py>; 5] {
         let own = &self.of.study.sky;
         let means = of_surfaces.then(|| {
             let model = self.of.model.lock();
@@ -94,6 +94,7 @@ impl FormFactors {
             column(&found.sky, |fraction| fraction.error()),
             column(&found.back, |fraction| fraction.value),
             column(&found.back, |fraction| fraction.error()),
+            column(&found.received, |fraction| fraction.error()),
         ]
     }
 

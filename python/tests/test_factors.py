@@ -178,3 +178,14 @@ def test_a_sphere_in_a_box() -> None:
     assert abs(ff.surface[k, s] - expected) <= ff.surface_error[k, s]
     assert ff.surface_error[k, s] < 1e-4 * expected
     assert abs(ff.surface[s, k] - 1.0) <= ff.surface_error[s, k]
+
+
+def test_row_tolerance() -> None:
+    model = rd.Model.builtin("cornell-box")
+    loose = model.form_factors(row_tolerance=1e-3)
+    fine = model.form_factors(tolerance=1e-8)
+    assert 1e-9 < loose.row_sum_errors.max() <= 1e-3
+    off = np.abs(loose.row_sums - fine.row_sums)
+    assert (off <= loose.row_sum_errors + fine.row_sum_errors).all()
+    with pytest.raises(rd.FormFactorError, match="above 0"):
+        model.form_factors(row_tolerance=0.0)
