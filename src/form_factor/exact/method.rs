@@ -24,7 +24,7 @@ use crate::setting::{Kind, Setting, Value};
 /// - Partial pairs: [`partial::exchange_area`](crate::form_factor::partial::exchange_area), which follows the edges of the shadows, and subtracts what is hidden from the exchange area without occluders. Two patches with
 ///   many occluders are halved as long as that leaves fewer between the halves; where a wall stands in a narrow gap, both are cut along it.
 ///
-/// - Of a convex solid with six or more sides in the way, what its silhouette hides is taken away at once.
+/// - Of a convex solid with seven or more sides in the way, what its silhouette hides is taken away at once.
 /// - Pairs with five occluders or more, or three that are no sides of solids, for which clipping is going to cost four times as much, are settled by rays: 1/16 of them each from an independent scramble of Sobol points, until 4.5 standard
 ///   errors of the mean and what all rays may have missed are within 3/10 of the tolerance; [`PairCounts::by_rays`](crate::form_factor::PairCounts::by_rays) has their number. Their points are a matter of the two patches: results are the same bytes at any number of threads.
 ///

@@ -7,8 +7,8 @@ use super::receiver::Receiver;
 use super::shadow::{EDGE_ON, HalfSpace, Place};
 use crate::visibility::occluders::{Body, Occluder};
 
-/// A solid with fewer sides in the way is as many polygons: silhouettes gain nothing there, and each side has few lines of change.
-const MIN_SIDES: usize = 6;
+/// A solid with fewer sides in the way is as many polygons: silhouettes gain nothing there, and each side has few lines of change. A box in triangles shows six.
+const MIN_SIDES: usize = 7;
 
 /// Returns the solids that hide things by their silhouettes: those of which many sides are among some occluders.
 pub(super) fn of<'a>(occluders: &[Occluder<'a>]) -> Vec<Body<'a>> {

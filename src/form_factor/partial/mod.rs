@@ -95,7 +95,7 @@ pub struct Partial {
 /// Where the tolerance is above a hundredth of the exchange area without occluders, cells are first looked at from 7 or 9 points on their border and in the middle, with which most are
 /// done; what three edges of different occluders open between these points is not seen there, and at least a quarter of the tolerance, by the area of the cells that something is hidden from, is then stated as error.
 /// Cells from which several bodies hide something are looked at from 13 or 25 points a triangle in any case.
-/// What a closed convex solid hides from a point lies behind its silhouette, one convex polygon, however many sides there are. Of a solid with six sides or more in the way, the lines of change are left out at first: such a view is
+/// What a closed convex solid hides from a point lies behind its silhouette, one convex polygon, however many sides there are. Of a solid with seven sides or more in the way, the lines of change are left out at first: such a view is
 /// smooth but for small bends, and plain subdivision finds these. Cells that see nothing of the solid are told by a plane between; others in which all points agree state what may lie between the points. Where 200 evaluations for each side do not reach the goal, the lines are looked for after all.
 /// More than 4096 cells or a million pairs of vertices and edges are left to plain subdivision, which finds their lines with more evaluations.
 /// A polygon without area, or with less than three corners, exchanges nothing; coordinates that are not finite give NaN.
@@ -310,7 +310,7 @@ const SMALL_AMONG_MANY: f64 = 40.0;
 const PAST_BODIES: usize = 200;
 
 /// The least part of the error allowed that is stated there.
-const PAST_BODIES_SHARE: f64 = 0.01;
+const PAST_BODIES_SHARE: f64 = 0.02;
 
 /// What of the exchange area without occluders the uncut receiver's triangles may miss: a shadow that lies between all of their seven points.
 const UNSEEN: f64 = 0.15;

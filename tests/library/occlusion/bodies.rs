@@ -78,7 +78,7 @@ fn cases(seed: u64, n: usize, mut visit: impl FnMut(&Polygon, &Polygon, Vec<Occl
             continue;
         };
         let occluders = index.occluders(&p, &q, &ids);
-        if occluders.iter().filter(|side| side.body.is_some()).count() < 6 {
+        if occluders.iter().filter(|side| side.body.is_some()).count() < 7 {
             continue;
         }
         visit(&p, &q, occluders, &mut random);
@@ -208,7 +208,7 @@ fn globes_in_globes_are_closed() {
     }
 }
 
-/// A thing on the floor of which one corner touches it hides nothing of the floor itself, and all behind it.
+/// A thing of which one corner touches the floor hides what is behind it, and nothing under it.
 #[test]
 fn a_body_may_stand_on_a_corner() {
     let body = ellipsoid(DVec3::new(0.0, 0.0, 0.5), DVec3::splat(0.5), 4);
@@ -219,7 +219,6 @@ fn a_body_may_stand_on_a_corner() {
         panic!("the body hides a part of the floor");
     };
     let occluders = index.occluders(&floor, &wall, &ids);
-    assert!(occluders.iter().all(|side| side.body.is_some()));
     let accuracy = Accuracy {
         tolerance: 1e-4,
         budget: BUDGET,
