@@ -149,7 +149,7 @@ fn vtk_files_hold_no_strings() {
     let voxels = text(directory.path(), "V.vtu");
     let (_, types) = voxels.split_once("Name=\"types\"").unwrap();
     let (types, _) = types.split_once('>').unwrap().1.split_once('<').unwrap();
-    assert!(types.split_whitespace().count() > 20 && types.split_whitespace().all(|kind| kind == "12"));
+    assert!(types.split_whitespace().count() > 0 && types.split_whitespace().all(|kind| kind == "12"));
     for name in ["F.vtu", "B.vtu"] {
         assert!(text(directory.path(), name).contains("Name=\"sky_factor\""), "{name}");
     }

@@ -241,7 +241,8 @@ impl Between {
         if sides.iter().any(|side| side.len() < 3) {
             return None;
         }
-        if (area_q.length(), q[0].to_array()) < (area_p.length(), p[0].to_array()) {
+        let corners = |side: &[DVec3]| side.iter().map(DVec3::to_array).collect::<Vec<_>>();
+        if (area_q.length(), corners(q)) < (area_p.length(), corners(p)) {
             sides.reverse();
         }
         let [from, to] = sides.each_ref().map(|side| Fan::new(side));
