@@ -202,7 +202,8 @@ def test_files(tmp_path: Path, ending: str) -> None:
         assert rd.Model.read(path).n_patches == 24
     if ending == "csv":
         header = [line for line in path.read_text().splitlines() if not line.startswith("#")][0]
-        assert header.endswith("radiosity_grey,irradiance_grey,error_grey")
+        columns = "radiosity_grey,irradiance_grey,error_grey,sky_factor,sky_factor_error"
+        assert columns in header
 
 
 def test_tables_name_channels(tmp_path: Path) -> None:
