@@ -7,7 +7,7 @@ use super::receiver::Receiver;
 use super::shadow::{EDGE_ON, HalfSpace, Place};
 use crate::visibility::occluders::{Body, Occluder};
 
-/// A solid with fewer sides in the way is as many polygons: silhouettes gain nothing there, and each side has few lines of change. A box in triangles shows six.
+/// A solid with fewer sides among the occluders is as many polygons: silhouettes gain nothing there, and each side has few discontinuity lines. A box in triangles shows six.
 const MIN_SIDES: usize = 7;
 
 /// Returns the solids that hide things by their silhouettes: those of which many sides are among some occluders.
@@ -84,7 +84,8 @@ impl Silhouette {
         };
         let mut turns = vec![false; ends.len()];
         for (side, (plane, ends)) in solid.planes().iter().zip(&ends).enumerate() {
-            let ends = ends.as_ref()?;
+            // A side without edges is a point, as at a pole whose corners were joined.
+            let Some(ends) = ends else { continue };
             let plane = Flat::with_normal(ends, plane.normal);
             let (low, high) = range(&receiver.corners, &plane);
             if high <= 0.0 {

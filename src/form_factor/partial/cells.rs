@@ -1,4 +1,4 @@
-//! Cutting the receiver into convex cells along the lines of change.
+//! Cutting the receiver into convex cells along the discontinuity lines.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;

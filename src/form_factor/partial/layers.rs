@@ -1,7 +1,7 @@
 //! Layers along the border of a cell, thinner than the points of a rule can show.
 //!
-//! Between the lines of change what is hidden is analytic, but on the scale of the distance to the edges that it is made of. Where such an
-//! edge runs close above the receiver, as in a narrow gap, the view may change within a strip of that width beside a line of change, which no
+//! Between the discontinuity lines what is hidden is analytic, but on the scale of the distance to the edges that it is made of. Where such an
+//! edge runs close above the receiver, as in a narrow gap, the view may change within a strip of that width beside a discontinuity line, which no
 //! point of a rule lies in. Points at a tenth, a hundredth, ... of their inset then show what changes there.
 
 use glam::{DVec2, DVec3};
@@ -81,7 +81,7 @@ const LOW: f64 = 0.1;
 
 /// Returns where a receiver is cut for a low part of an occluder, given in the receiver's frame: below its edges, and across it at its corners.
 ///
-/// What it hides is greatest there, within its own height; where the target is as near, no line of change tells the place.
+/// What it hides is greatest there, within its own height; where the target is as near, no discontinuity line tells the place.
 pub(super) fn cuts(part: &[DVec3], diameter: f64) -> Vec<Event> {
     if part.len() < 3 || part.iter().any(|v| v.z > LOW * diameter) {
         return Vec::new();

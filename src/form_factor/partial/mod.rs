@@ -95,13 +95,13 @@ pub struct Partial {
 /// Where the tolerance is above a hundredth of the exchange area without occluders, cells are first looked at from 7 or 9 points on their border and in the middle, with which most are
 /// done; what three edges of different occluders open between these points is not seen there, and at least a quarter of the tolerance, by the area of the cells that something is hidden from, is then stated as error.
 /// Cells from which several bodies hide something are looked at from 13 or 25 points a triangle in any case.
-/// What a closed convex solid hides from a point lies behind its silhouette, one convex polygon, however many sides there are. Of a solid with seven sides or more in the way, the lines of change are left out at first: such a view is
+/// What a closed convex solid hides from a point lies behind its silhouette, one convex polygon, however many sides there are. Of a solid with seven sides or more in the way, the discontinuity lines are left out at first: such a view is
 /// smooth but for small bends, and plain subdivision finds these. Cells that see nothing of the solid are told by a plane between; others in which all points agree state what may lie between the points. Where 200 evaluations for each side do not reach the goal, the lines are looked for after all.
 /// More than 4096 cells or a million pairs of vertices and edges are left to plain subdivision, which finds their lines with more evaluations.
 /// A polygon without area, or with less than three corners, exchanges nothing; coordinates that are not finite give NaN.
-/// Cost: for each cell 3 or 4, 7 or 9, or for each triangle of it 13 or 25 evaluations of 0.3 µs (one occluder) to 3 µs (eighteen); P has as many cells as lines of change cut it into.
+/// Cost: for each cell 3 or 4, 7 or 9, or for each triangle of it 13 or 25 evaluations of 0.3 µs (one occluder) to 3 µs (eighteen); P has as many cells as discontinuity lines cut it into.
 ///
-/// Source: Lambert's formula as in [`point_form_factor`](crate::geometry::point_form_factor::point_form_factor); the lines of change are the
+/// Source: Lambert's formula as in [`point_form_factor`](crate::geometry::point_form_factor::point_form_factor); the discontinuity lines are the
 /// EV events of Gigus and Malik, "Computing the Aspect Graph for Line Drawings of Polyhedral Objects", IEEE PAMI 12(2), 1990, as discontinuity meshing of shadows
 /// uses them (Lischinski, Tampieri and Greenberg 1992, Heckbert 1992).
 /// Departures: their curved EEE events are left to adaptive subdivision; the tests hold errors to their estimates in random views through three crossing edges.
@@ -247,7 +247,7 @@ impl Integration {
     }
 }
 
-/// Integrates a pair with many occluders without looking for lines of change, of which there are more than there would be points; `None` if that does not reach the goal. See [`Integration::begin`] for the arguments.
+/// Integrates a pair with many occluders without looking for discontinuity lines, of which there are more than there would be points; `None` if that does not reach the goal. See [`Integration::begin`] for the arguments.
 ///
 /// Where the exchange area without occluders is up to [`SMALL_AMONG_MANY`] times the goal; what a shadow between all points may hide is stated as error.
 pub(super) fn uncut(sides: [&[DVec3]; 2], occluders: &[Occluder<'_>], goal: f64, whole: Whole) -> Option<Partial> {
@@ -292,7 +292,7 @@ fn bounds(corners: &[DVec3]) -> (DVec3, DVec3) {
 /// The most cells that the receiver is cut into before integration; beyond, plain subdivision finds the rest of the lines.
 const MAX_CELLS: usize = 4096;
 
-/// The most pairs of a vertex and an edge that are looked at for lines of change.
+/// The most pairs of a vertex and an edge that are looked at for discontinuity lines.
 const MAX_EVENT_PAIRS: usize = 1 << 20;
 
 /// A pair whose exchange area without occluders is less than this part of what the tolerance allows is not cut.
@@ -306,7 +306,7 @@ const SMALL: f64 = 0.1;
 /// if all are cut (two runs each, the same to 2 per cent); no error there is beyond what is stated that was not before.
 const SMALL_AMONG_MANY: f64 = 40.0;
 
-/// Evaluations past bodies, for each side in the way, after which their lines of change are looked for: these are more the more sides there are, and so is the work between them.
+/// Evaluations past bodies, for each side in the way, after which their discontinuity lines are looked for: these are more the more sides there are, and so is the work between them.
 const PAST_BODIES: usize = 200;
 
 /// The least part of the error allowed that is stated there.
@@ -387,7 +387,7 @@ impl<'a> View<'a> {
         receiver.corners.iter().map(|&v| receiver.to_plane(v)).collect()
     }
 
-    /// Integrates over the receiver without looking for lines of change, if it exchanges less than `small` goals without occluders; `None` if that does not reach the goal.
+    /// Integrates over the receiver without looking for discontinuity lines, if it exchanges less than `small` goals without occluders; `None` if that does not reach the goal.
     fn uncut(&mut self, goal: f64, small: f64) -> Option<Partial> {
         let most = self.whole.area;
         if most.is_nan() || most >= small * goal {
@@ -416,7 +416,7 @@ impl<'a> View<'a> {
         (found.error <= goal && area > 0.0).then_some(found)
     }
 
-    /// Looks at all cells: past bodies without their lines of change first, and with these if that goes too slowly, for which `again` makes the same view.
+    /// Looks at all cells: past bodies without their discontinuity lines first, and with these if that goes too slowly, for which `again` makes the same view.
     fn look(self, again: impl FnOnce() -> Result<Self, f64>, goal: f64, budget: usize) -> Pieces {
         if self.bodies.is_empty() {
             return self.first_look(goal, budget, false);
@@ -434,7 +434,7 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Cuts the receiver along the lines of change, `past_bodies` only along those of other occluders, and looks at all cells.
+    /// Cuts the receiver along the discontinuity lines, `past_bodies` only along those of other occluders, and looks at all cells.
     fn first_look(self, goal: f64, budget: usize, past_bodies: bool) -> Pieces {
         let (low, high) = bounds(&self.sight.receiver.corners);
         let is_listed =

@@ -55,9 +55,9 @@ pub(super) struct Sight {
     target_sides: Vec<(DVec3, f64)>,
     shadows: Shadows,
     low_edges: LowEdges,
-    /// The bodies whose lines of change were not looked for.
+    /// The bodies whose discontinuity lines were not looked for.
     pub(super) unlisted: Vec<Extent>,
-    /// True if no line of change crosses a cell: what a point of it does not hide, none does.
+    /// True if no discontinuity line crosses a cell: what a point of it does not hide, none does.
     pub(super) is_whole: bool,
     /// True if hidden parts are looked at in cells near the target alone: elsewhere F₀ has no peak, and where the tolerance is loose what is visible is enough.
     pub(super) is_loose: bool,
@@ -121,7 +121,7 @@ impl Sight {
         parts
     }
 
-    /// Returns the error that lines of change leave which are missed by `margin`: its square, unless the view changes within as little.
+    /// Returns the error that discontinuity lines leave which are missed by `margin`: its square, unless the view changes within as little.
     pub(super) fn error_within(&self, margin: f64) -> f64 {
         if self.low_edges.lowest() > margin {
             return 0.0;
@@ -214,7 +214,7 @@ impl Sight {
         }
     }
 
-    /// States at least this error of a part, but for one of which there is nothing: something of it needs a line of change, or edges that open it between points.
+    /// States at least this error of a part, but for one of which there is nothing: something of it needs a discontinuity line, or edges that open it between points.
     pub(super) fn with_least_error(&self, mut look: Look, least: f64) -> Look {
         let Estimate { integral, error, .. } = &mut look.estimate;
         for part in [VISIBLE, HIDDEN] {
@@ -452,7 +452,7 @@ impl Pieces {
     }
 }
 
-/// Sums the smaller part of triangles between which no line of change was looked for: `unseen` is what a shadow between all points may hide, m².
+/// Sums the smaller part of triangles between which no discontinuity line was looked for: `unseen` is what a shadow between all points may hide, m².
 pub(super) fn sum_uncut(looks: impl Iterator<Item = Look>, whole: Whole, unseen: f64) -> Partial {
     let (mut integrals, mut errors, mut n_evaluations) = ([0.0; 2], [unseen; 2], 0);
     for look in looks {
