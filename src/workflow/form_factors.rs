@@ -287,6 +287,11 @@ impl Model {
                 format!("exact clipping against {n} occluders"),
                 "a vertex lies behind the plane of a face: something may block; flat neighbours count as one occluder",
             );
+            if let Some(of_rows) = request.settings.values.get(&ROW_TOLERANCE) {
+                self.plan
+                    .decide("tolerance of rows", of_rows.to_string(), "as asked for");
+                return;
+            }
             let reason = if asked.is_some() {
                 "as asked for"
             } else if tolerance > ExactMethod::DEFAULT_TOLERANCE {
@@ -388,7 +393,11 @@ impl FormFactorRequest {
             Parameter::FormFactorTolerance => &mut noted.form_factor_tolerance,
             _ => &mut noted.tolerance,
         };
-        *tolerance = settings.tolerance().or(*tolerance);
+        // One of rows takes the place of that of entries, which is none of the results then.
+        let of_entries = settings
+            .tolerance()
+            .filter(|_| settings.values.get(&ROW_TOLERANCE).is_none());
+        *tolerance = of_entries.or(*tolerance);
         noted.own.extend(&settings.values);
         noted.own.remove(&TOLERANCE);
     }
@@ -412,6 +421,12 @@ impl FormFactorRequest {
     /// Builds the method, and notes its settings.
     pub(super) fn chosen(&self, cx: &mut Context) -> Result<Chosen, WorkflowError> {
         let entry = registry::by_name(&self.method)?;
+        let is_given = |setting| self.settings.values.get(setting).is_some();
+        if entry.uses(&ROW_TOLERANCE) && is_given(&ROW_TOLERANCE) && is_given(&TOLERANCE) {
+            let reason = "one tolerance is given for rows and one for entries; give one of them".to_owned();
+            let method = entry.name;
+            return Err(FormFactorError::NotApplicable { method, reason }.into());
+        }
         let settings = entry.resolve(&self.given(entry)).map_err(|error| match error {
             // Where the solver has a tolerance too, this one has a longer name.
             FormFactorError::UnusedSetting {
