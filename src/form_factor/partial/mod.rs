@@ -20,6 +20,7 @@ mod layers;
 mod pieces;
 mod plates;
 mod point;
+mod pyramids;
 mod quad;
 mod rays;
 mod receiver;
