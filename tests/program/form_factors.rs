@@ -582,3 +582,26 @@ fn a_limit_of_time_chooses_a_method() {
     let both = ["form-factors", "scene.obj", "--time-limit", "1m", "--method", "sr"];
     assert_eq!(radiosity(directory.path(), &both).status.code(), Some(2));
 }
+
+/// Rows may have a tolerance of their own, in place of that of entries, which is then neither recorded nor given along with it.
+#[test]
+fn rows_may_have_a_tolerance() {
+    let directory = with_scene("room-box");
+    let asked = [
+        "form-factors",
+        "scene.obj",
+        "--subdivide",
+        "3",
+        "--row-tolerance",
+        "1e-3",
+    ];
+    let (code, result) = document(directory.path(), &asked);
+    assert_eq!((code, &result["tolerance_met"]), (0, &Value::Bool(true)));
+    let errors = numbers(&result["row_sum_error"]);
+    assert!(errors.iter().all(|error| *error <= 1e-3) && errors.iter().any(|error| *error > 0.0));
+    assert_eq!(result["settings"]["row_tolerance"], 1e-3);
+    assert_eq!(result["settings"]["tolerance"], Value::Null);
+    let both = radiosity(directory.path(), &[&asked[..], &["--tolerance", "1e-4"]].concat());
+    assert!(stderr(&both).contains("give one of them"), "{}", stderr(&both));
+    assert!(!both.status.success());
+}
