@@ -57,7 +57,8 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     }
     let need = solver.need(&run.cx)?;
     let factors = &match &file {
-        None => model.form_factors(&method, need, &mut run.cx)?,
+        None if run.has_lightings => model.form_factors(&method, need, &mut run.cx)?,
+        None => model.form_factors_for_light(&method, need, &mut run.cx)?,
         Some(file) => model.form_factors_of(file, &method, need, &mut run.cx)?,
     };
     if !args.lighting.is_empty() {

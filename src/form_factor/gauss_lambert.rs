@@ -26,6 +26,9 @@ const RULE_TOLERANCE: f64 = 1e-3;
 /// The most points on the parts of a patch that is cut.
 const MAX_POINTS: usize = 4096;
 
+/// The fewest points along each side of a part: with one, the error falls so slowly with cuts that thousands are needed where a few do with two.
+const MIN_POINTS_OF_PARTS: NonZeroUsize = NonZeroUsize::new(2).unwrap();
+
 /// Gauss points on one patch of each pair, exact point-to-polygon form factors to the other.
 ///
 /// A_i F_ij = v A_i Σ_p w_p F(x_p → j), with F by [`point_form_factor`] and v = Σ_p w_p F(x_p → j) Σ_s k_ps V_ps / Σ_s k_ps over Σ_p w_p F(x_p → j) the visible fraction by rays from
@@ -35,7 +38,7 @@ const MAX_POINTS: usize = 4096;
 /// with d / R, as F changes fast beside edges that are near, and where it does not it is off by no more than A. (The area alone puts the points on a long narrow strip of which the
 /// other patch sees little; d / R alone puts them on a plate although a narrow strip close to it is all that they should meet.)
 /// Where the rule is further than 0.001 of the entry from the exact exchange area, the patch is cut, across its longest side and
-/// where it matters first, with q × q points on each part, until it is not or there are 4096 points.
+/// where it matters first, with q × q points on each part, and at least 2 × 2, until it is not or there are 4096 points.
 ///
 /// Order: 2q between patches apart from each other; where they touch still high, as the exact inner integral leaves no singularity but a weak one
 /// of higher derivatives (3e-8 in a cube of 216 patches with q = 5). Bias: that of the rule, seldom above 0.001 of the entry as the patch is cut then; and about
@@ -67,6 +70,7 @@ impl FormFactorMethod for GaussLambert {
         let patches = &input.mesh.patches;
         let polygons = facing::prepared(input.mesh);
         let rule = GaussProduct::new(self.points);
+        let rule_of_parts = GaussProduct::new(self.points.max(MIN_POINTS_OF_PARTS));
         let points = facing::polygons(input.mesh, |corners| rule.on_polygon(corners));
         let outer_first = |[i, j]: [usize; 2]| {
             let suits = |k: usize, other: usize| {
@@ -106,7 +110,7 @@ impl FormFactorMethod for GaussLambert {
                 let exact = exchange_area(&polygons[outer], &polygons[inner], Tolerance::default());
                 let integrand = |x: DVec3| factor([outer, inner], x);
                 let smaller = patches[outer].area.min(patches[inner].area);
-                let division = Division::new(&rule, polygons[outer].corners(), &points[outer], &integrand);
+                let division = Division::new(&rule_of_parts, polygons[outer].corners(), &points[outer], &integrand);
                 let area = division
                     .refined(exact.value, RULE_TOLERANCE * exact.value + 1e-12 * smaller)
                     .min(smaller);

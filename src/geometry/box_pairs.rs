@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use glam::DVec3;
 
 /// A group of at most this many boxes is not split.
-const LEAF: usize = 8;
+const LEAF: usize = 4;
 
 /// Where so many boxes or more are below a node, threads share the work.
 const PARALLEL: usize = 1 << 12;
@@ -50,7 +50,7 @@ pub(crate) fn collected_pairs<T: Send>(
     BoxTree::new(boxes).collected_within(0, &visit)
 }
 
-/// Boxes that are asked for one at a time which of them overlap another one.
+/// Boxes in a binary tree, cut at the median of the longest side.
 #[derive(Clone, Debug)]
 pub(crate) struct BoxTree {
     boxes: Vec<(DVec3, DVec3)>,
@@ -99,10 +99,8 @@ impl BoxTree {
         meets: &impl Fn((DVec3, DVec3)) -> bool,
         visit: &mut impl FnMut(u32) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
-        if self.nodes.is_empty() {
-            return ControlFlow::Continue(());
-        }
-        self.meeting_below(0, meets, visit)
+        let root = self.root();
+        root.map_or(ControlFlow::Continue(()), |root| self.meeting_below(root, meets, visit))
     }
 
     fn meeting_below(
@@ -123,9 +121,26 @@ impl BoxTree {
         found.try_for_each(|&k| visit(k))
     }
 
-    fn halves(&self, index: usize) -> Option<[usize; 2]> {
+    /// Returns the root; `None` without boxes.
+    pub(crate) fn root(&self) -> Option<usize> {
+        (!self.nodes.is_empty()).then_some(0)
+    }
+
+    /// Returns the box around a node.
+    pub(crate) fn around(&self, index: usize) -> (DVec3, DVec3) {
+        let node = &self.nodes[index];
+        (node.low, node.high)
+    }
+
+    /// Returns both children of a node that is split.
+    pub(crate) fn halves(&self, index: usize) -> Option<[usize; 2]> {
         let second = self.nodes.get(index)?.second as usize;
         (second > 0).then_some([index + 1, second])
+    }
+
+    /// Returns the boxes below a node, by their places in the list.
+    pub(crate) fn boxes_below(&self, index: usize) -> &[u32] {
+        self.below(&self.nodes[index])
     }
 
     fn below(&self, node: &Node) -> &[u32] {

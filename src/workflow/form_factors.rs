@@ -69,6 +69,8 @@ pub struct FormFactorRequest {
     pub default_rays: u64,
     /// The tolerance of a method that has one, where none is given.
     pub default_tolerance: f64,
+    /// Whether the error of the mesh has set [`default_tolerance`](Self::default_tolerance).
+    pub tolerance_is_by_mesh: bool,
     /// What sets the tolerance.
     pub tolerance_parameter: Parameter,
     /// Whether [`SEQUENCE`] is for something else too, so that a method without use for it passes over it.
@@ -91,6 +93,7 @@ impl Default for FormFactorRequest {
             settings: MethodSettings::default(),
             default_rays: DEFAULT_RAYS,
             default_tolerance: ExactMethod::DEFAULT_TOLERANCE,
+            tolerance_is_by_mesh: false,
             tolerance_parameter: Parameter::Tolerance,
             is_sequence_shared: false,
             balance: Balance::Auto,
@@ -294,6 +297,8 @@ impl Model {
             }
             let reason = if asked.is_some() {
                 "as asked for"
+            } else if request.tolerance_is_by_mesh {
+                "a tenth of the error that the mesh has at least"
             } else if tolerance > ExactMethod::DEFAULT_TOLERANCE {
                 "the size of the patches weighs more in a picture than this"
             } else {

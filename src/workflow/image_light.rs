@@ -94,7 +94,7 @@ impl Model {
         cx: &mut Context,
     ) -> Result<ImageLight, WorkflowError> {
         let need = solver.need(cx)?;
-        let factors = self.form_factors(method, need, cx)?;
+        let factors = self.form_factors_for_light(method, need, cx)?;
         let study = self.solve(&factors, solver, cx)?;
         self.stored_light((factors, study), solver, with_direct, cx)
     }

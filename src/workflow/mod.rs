@@ -19,6 +19,7 @@ mod light_path;
 mod lightings;
 mod lit_surface;
 mod mesh_error;
+mod mesh_tolerance;
 mod model;
 mod on_the_fly;
 mod patch_picture;

@@ -46,6 +46,35 @@ fn solvers_agree_and_say_how_they_stopped() {
 }
 
 #[test]
+fn the_mesh_sets_the_tolerance_where_none_is_given() {
+    let directory = with_scene("room-box");
+    let solve = |flags: &[&str]| {
+        let (code, result) = document(directory.path(), &[&["solve", "scene.obj"], flags].concat());
+        assert_eq!(code, 0);
+        result
+    };
+    let tolerance = |result: &Value| result["settings"]["form_factor_tolerance"].clone();
+    let chosen = solve(&["--subdivide", "12"]);
+    let of_mesh = chosen["mesh_error"]["surface_mean_max"].as_f64().unwrap();
+    let found = tolerance(&chosen).as_f64().unwrap();
+    assert!(found > 1e-6 && found <= 0.1 * of_mesh, "{found} {of_mesh}");
+    let exact = solve(&["--subdivide", "12", "--form-factor-tolerance", "1e-7"]);
+    let radiosities = |result: &Value| -> Vec<f64> {
+        let surfaces = result["surfaces"].as_array().unwrap();
+        surfaces.iter().flat_map(|s| numbers(&s["radiosity"])).collect()
+    };
+    assert_ne!(
+        chosen["surfaces"], exact["surfaces"],
+        "the tolerance changes the result"
+    );
+    for (b, truth) in radiosities(&chosen).iter().zip(&radiosities(&exact)) {
+        assert!((b - truth).abs() < 0.1 * of_mesh * truth, "{b} {truth}");
+    }
+    assert_eq!(tolerance(&solve(&["--subdivide", "4"])), 1e-6, "few patches");
+    assert_eq!(tolerance(&solve(&["--subdivide", "12", "--form-factor-tolerance", "1e-5"])), 1e-5);
+}
+
+#[test]
 fn settings_go_to_the_solvers_that_use_them() {
     let directory = with_scene("lewis-room");
     let common = ["solve", "scene.obj", "--method", "sr", "--rays", "500"];

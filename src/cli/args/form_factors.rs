@@ -142,6 +142,7 @@ impl MethodArgs {
             settings: self.settings(tolerance),
             default_rays,
             default_tolerance,
+            tolerance_is_by_mesh: false,
             tolerance_parameter: match afterwards {
                 Afterwards::Nothing => Parameter::Tolerance,
                 Afterwards::Light | Afterwards::Image => Parameter::FormFactorTolerance,

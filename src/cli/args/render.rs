@@ -35,7 +35,7 @@ pub struct RenderArgs {
     /// The image to write; a PNG preview goes beside it
     #[arg(short, long, value_name = "IMAGE.exr")]
     pub output: PathBuf,
-    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-5]
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: a tenth of the mesh's own error, where that is known, from 1e-5 to 1e-3]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
     /// Compute the form factors again in every pass instead of storing them; for methods that compute rows

@@ -87,7 +87,7 @@ pub struct SolveArgs {
     /// An array of NumPy with exitances of the patches, W/m2, in place of the scene's: (n, k) for k grey lightings, (n, k, 3) for coloured ones, all solved in the same passes
     #[arg(long, value_name = "E.npy", conflicts_with_all = ["lighting", "sun_irradiance", "on_the_fly"])]
     pub exitance: Option<PathBuf>,
-    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
+    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: a tenth of the mesh's own error, where that is known, from 1e-6 to 1e-3]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
     /// A table of the sun at many times, with the columns time, x, y, z, irradiance or time, latitude, longitude, irradiance; the output is a series of times: .npz, or .vtu files with a .pvd

@@ -1,9 +1,12 @@
 //! The view factors from a free point to all patches of a mesh, by exact clipping.
 
+use std::ops::ControlFlow;
+
 use glam::DVec3;
 
-use super::plates::{Ball, BallTree, Plate};
+use super::plates::Plate;
 use super::view_cells::{Scratch, View};
+use crate::geometry::box_pairs::BoxTree;
 use crate::geometry::polygon;
 use crate::mesh::{Mesh, PatchId};
 use crate::scene::Scene;
@@ -35,7 +38,7 @@ pub(crate) enum Place {
 /// The faces and patches of a scene, for views from points.
 pub(crate) struct PointViews {
     pub(super) faces: Vec<Plate>,
-    tree_of_faces: BallTree,
+    tree_of_faces: BoxTree,
     pub(super) patches: Vec<Plate>,
     /// The faces in the plane of each patch whose fronts are on the side of its back.
     pub(super) covers: Vec<Vec<usize>>,
@@ -77,7 +80,7 @@ impl PointViews {
                 patches_of[own].push(i);
             }
         }
-        let tree_of_faces = BallTree::new(&faces.iter().map(|plate| plate.ball).collect::<Vec<_>>());
+        let tree_of_faces = BoxTree::new(faces.iter().map(Plate::around).collect());
         Self {
             covers: covers(&patches, &faces, &tree_of_faces, tolerance),
             solid_of: ids().map(|id| index.solid_of(id)).collect(),
@@ -98,19 +101,13 @@ impl PointViews {
 
     /// Tells where a point is.
     pub(crate) fn place(&self, point: DVec3) -> Place {
-        let here = Ball {
-            middle: point,
-            radius: 0.0,
-        };
         let mut is_on_face = false;
-        self.tree_of_faces.visit(
-            |_, ball| ball.is_near(&here, self.tolerance),
-            |k| {
-                let face = &self.faces[k];
+        self.tree_of_faces
+            .overlapping(widened((point, point), self.tolerance), &mut |k| {
+                let face = &self.faces[k as usize];
                 is_on_face |= face.height(point).abs() <= self.tolerance
                     && polygon::distance(point, &face.corners) <= self.tolerance;
-            },
-        );
+            });
         if is_on_face { Place::OnFace } else { Place::Free }
     }
 
@@ -131,10 +128,12 @@ impl PointViews {
         };
         // A face that light passes at a distance has no say in either answer.
         let mut deepest = f64::NEG_INFINITY;
-        self.tree_of_faces.visit(
-            |_, ball| ball.is_met(point, direction, 2.0 * self.tolerance),
-            |k| deepest = deepest.max(depth(&self.faces[k])),
-        );
+        let is_near = |around| is_met(widened(around, 2.0 * self.tolerance), point, direction);
+        // Nothing breaks off.
+        let _ = self.tree_of_faces.meeting(&is_near, &mut |k| {
+            deepest = deepest.max(depth(&self.faces[k as usize]));
+            ControlFlow::Continue(())
+        });
         (deepest < 0.0, deepest.abs() > self.tolerance)
     }
 
@@ -161,21 +160,32 @@ impl PointViews {
 }
 
 /// Returns for each patch the faces in its plane whose fronts are on the side of its back.
-fn covers(patches: &[Plate], faces: &[Plate], tree: &BallTree, tolerance: f64) -> Vec<Vec<usize>> {
+fn covers(patches: &[Plate], faces: &[Plate], tree: &BoxTree, tolerance: f64) -> Vec<Vec<usize>> {
     let of_patch = |patch: &Plate| {
         let mut found = Vec::new();
-        tree.visit(
-            |_, ball| ball.is_near(&patch.ball, tolerance),
-            |k| {
-                let face = &faces[k];
-                let is_in_plane = || patch.corners.iter().all(|&v| face.height(v).abs() <= tolerance);
-                if face.normal.dot(patch.normal) < 0.0 && face.ball.is_near(&patch.ball, tolerance) && is_in_plane() {
-                    found.push(k);
-                }
-            },
-        );
+        tree.overlapping(widened(patch.around(), tolerance), &mut |k| {
+            let face = &faces[k as usize];
+            let is_in_plane = || patch.corners.iter().all(|&v| face.height(v).abs() <= tolerance);
+            if face.normal.dot(patch.normal) < 0.0 && is_in_plane() {
+                found.push(k as usize);
+            }
+        });
         found.sort_unstable();
         found
     };
     patches.iter().map(of_patch).collect()
+}
+
+/// Returns a box that is larger on all sides.
+fn widened((low, high): (DVec3, DVec3), by: f64) -> (DVec3, DVec3) {
+    (low - by, high + by)
+}
+
+/// Tells whether a half-line meets a box.
+fn is_met((low, high): (DVec3, DVec3), start: DVec3, direction: DVec3) -> bool {
+    let (from, to) = ((low - start) / direction, (high - start) / direction);
+    // `f64::max` and `f64::min` pass over the 0 / 0 of a half-line within a side.
+    let near = (0..3).fold(0.0, |near: f64, k| near.max(from[k].min(to[k])));
+    let far = (0..3).fold(f64::INFINITY, |far: f64, k| far.min(from[k].max(to[k])));
+    near <= far
 }

@@ -3,20 +3,20 @@
 mod merge;
 mod solids;
 mod touching;
-mod tree;
 mod wide;
 
 use std::borrow::Cow;
+use std::ops::ControlFlow;
 
 use glam::DVec3;
 
 use super::plane::{Lean, Plane, rounding};
 use super::shaft::Shaft;
+use crate::geometry::box_pairs::BoxTree;
 use crate::scene::topology::Pieces;
 use crate::scene::{FaceId, SLACK_PER_CORNER, Scene};
 pub(crate) use solids::Solid;
 pub(crate) use touching::standing_on;
-use tree::Tree;
 pub(crate) use wide::{Candidate, Closer, Measures, Outlook};
 
 /// Index of an occluder in a [`OccluderIndex`].
@@ -121,7 +121,7 @@ impl Entry {
 pub struct OccluderIndex {
     entries: Vec<Entry>,
     solids: Vec<Solid>,
-    tree: Tree,
+    tree: BoxTree,
     /// [`Scene::slack`].
     slack: f64,
     /// No patch reaches less far from its middle, in m; 0 where that is not known.
@@ -173,7 +173,7 @@ impl OccluderIndex {
         Self {
             entries: entries.collect(),
             solids,
-            tree: Tree::new(&boxes),
+            tree: BoxTree::new(boxes),
             slack,
             least_reach: 0.0,
         }
@@ -230,7 +230,16 @@ impl OccluderIndex {
     /// Does what [`classify`](Self::classify) does, and tells what was left out for the rounding of coordinates.
     pub(crate) fn between(&self, p: &[DVec3], q: &[DVec3]) -> Between {
         let all = |look_at: &mut dyn FnMut(OccluderId) -> bool, shaft: &Shaft<'_>| {
-            self.tree.visit(shaft, |k| look_at(OccluderId(k)));
+            let meets = |(low, high)| shaft.may_meet_box(low, high);
+            let goes_on = |goes_on| {
+                if goes_on {
+                    ControlFlow::Continue(())
+                } else {
+                    ControlFlow::Break(())
+                }
+            };
+            // Nothing is left to do where it breaks off.
+            let _ = self.tree.meeting(&meets, &mut |k| goes_on(look_at(OccluderId(k))));
         };
         self.classify_with(p, q, self.slack, all).0
     }

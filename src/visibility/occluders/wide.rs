@@ -11,7 +11,7 @@ use super::{Between, Entry, OccluderId, OccluderIndex, PairVisibility};
 /// A node of the tree of occluders, or an occluder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Candidate {
-    Node(u32),
+    Node(usize),
     Polygon(OccluderId),
 }
 
@@ -183,7 +183,7 @@ impl OccluderIndex {
     ) {
         let around = Around::new(from, to);
         let largest = if in_full { 0.0 } else { around.diagonal() };
-        let mut stack = [0_u32; 64];
+        let mut stack = [0; 64];
         for k in among {
             let mut depth = 0;
             match list[k] {
@@ -200,7 +200,7 @@ impl OccluderIndex {
             while depth > 0 {
                 depth -= 1;
                 let index = stack[depth];
-                let (low, high) = self.tree.bounds(index);
+                let (low, high) = self.tree.around(index);
                 if !around.meets(low, high) || !self.rises_over(from, low, high) {
                     continue;
                 }
@@ -213,7 +213,7 @@ impl OccluderIndex {
                     depth += 2;
                     continue;
                 }
-                for &polygon in self.tree.polygons(index) {
+                for &polygon in self.tree.boxes_below(index) {
                     let id = OccluderId(polygon);
                     if self.may_occlude(id, from, &around) {
                         list.push(Candidate::Polygon(id));
