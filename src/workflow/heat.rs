@@ -2,6 +2,7 @@
 
 use super::solve::Known;
 use super::{Context, FormFactorStudy, MeshError, Model, SolveRequest, TotalError, Warning, WorkflowError};
+use crate::audit::Given;
 use crate::heat::{
     Band, Boundary, DirectLight, Enclosure, Heat, HeatBalance, HeatError, Network, Outside, Solution as HeatSolution,
     Solved, emissive_power, solar_system, sunlight, thermal_exitance,
@@ -250,7 +251,12 @@ impl Model {
             is_thermal,
         } = system;
         let enclosure = study.enclosure();
+        let mixed = is_thermal.then(|| enclosure.gain_of(operator));
         let known = Known {
+            given: Given {
+                gain: Some(mixed.as_deref().unwrap_or(&study.gain)),
+                costly: false,
+            },
             signed: is_thermal,
             aim: Some(AIM),
             ..study.known()

@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 use std::fmt::Write as _;
 
 use glam::{DMat3, DVec3};
+use radiosity::audit::Law;
 use radiosity::mesh::Subdivision;
 use radiosity::scene::Scene;
 use radiosity::workflow::{Context, ExchangeNodes, FormFactorRequest, Model, SolveRequest, Use, Warning};
@@ -292,6 +293,18 @@ fn unlike_sides_of_one_temperature_conserve_heat() {
                 "{pair:?} {black} {bright}: {sum:e} of {b:?}"
             );
         }
+    }
+}
+
+/// Nodes of patches that see the open differently: what is supplied escapes, and the checks hold, though the mixed form factors have no reciprocity.
+#[test]
+fn nodes_in_the_open_pass_the_checks() {
+    let room = scene(&inside([2.0, 2.0, 0.5])[..5]);
+    let text = "[surroundings]\ntemperature_k = 250.0\n[[surface]]\nname = \"*\"\nemissivity = 0.5\nadiabatic = true\n\
+         [[surface]]\nname = \"x0\"\ntemperature_k = 600\n[[surface]]\nname = \"?0\"\nnode = \"n\"\n[[node]]\nname = \"n\"\nsupplied_w = 50\n";
+    for node in ["z0", "*1"] {
+        let found = heat(&room, 4, &text.replace("?0", node));
+        assert!(found.cx.audit.checks.iter().any(|check| check.law == Law::Energy));
     }
 }
 
