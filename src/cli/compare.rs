@@ -2,12 +2,13 @@
 
 use std::path::PathBuf;
 
+use super::Outcome;
 use super::args::{CompareArgs, VisibilityName};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
+use super::json::in_order;
 use super::output;
 use super::run::Run;
-use super::{Outcome, in_order};
 use crate::document::OfScene;
 use crate::experiment::compare::{Part, Subject, default_subdivision, matrix_demand};
 use crate::experiment::findings::text_file;
@@ -90,7 +91,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     let (_, written) = output::write_all(&directory, &files)?;
     Ok(Outcome {
         text: format!("{}{report}\n{written}\n", run.explanation(&model)),
-        document,
+        document: document.into(),
         code: run.judged(ExitCode::Done, false),
     })
 }

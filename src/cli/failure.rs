@@ -225,7 +225,10 @@ impl From<WorkflowError> for Failure {
             WorkflowError::OtherGeometry { file, .. } => Self::new("other_geometry", text).in_file(file),
             WorkflowError::Render(error) => error.into(),
             WorkflowError::Voxel(error) => error.into(),
-            WorkflowError::Heat { file, .. } => Self::new("no_temperature", text).in_file(file),
+            WorkflowError::Heat { file, line, .. } => Self {
+                line,
+                ..Self::new("no_temperature", text).in_file(file)
+            },
             WorkflowError::Storage(_) | WorkflowError::VoxelMemory { .. } | WorkflowError::ImageMemory { .. } => {
                 Self::new("memory_limit", text)
             }

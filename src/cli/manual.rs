@@ -3,12 +3,12 @@
 use clap::Command;
 use clap_complete::Shell;
 use clap_mangen::Man;
-use serde_json::Value;
 
 use super::Outcome;
 use super::args::{CompletionsArgs, ManArgs, ShellName};
 use super::exit_code::ExitCode;
 use super::failure::Failure;
+use super::json::JsonDocument;
 use super::output::{make_directory, write_all};
 
 const NAME: &str = "radiosity";
@@ -46,7 +46,7 @@ pub(super) fn pages(args: &ManArgs, mut command: Command) -> Result<Outcome, Fai
 fn done(text: String) -> Outcome {
     Outcome {
         text,
-        document: Value::Null,
+        document: JsonDocument::default(),
         code: ExitCode::Done,
     }
 }

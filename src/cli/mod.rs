@@ -12,6 +12,7 @@ mod frames;
 mod frames_text;
 mod heat;
 mod interrupt;
+mod json;
 mod lightings;
 mod manual;
 mod output;
@@ -38,20 +39,18 @@ use std::ffi::OsString;
 use std::io::{self, BufWriter, Write};
 use std::panic::{AssertUnwindSafe, PanicHookInfo};
 
-use clap::{CommandFactory as _, FromArgMatches as _};
-use serde::Serialize;
-use serde_json::Value;
-
 use args::{Cli, Command, CommonArgs};
+use clap::{CommandFactory as _, FromArgMatches as _};
 pub use exit_code::ExitCode;
 use failure::Failure;
+use json::{JsonDocument, in_order};
 
 use crate::printable::{printable_message, quoted};
 
 /// What a command gives back: text for people, the same as a document, and how it ended.
 struct Outcome {
     text: String,
-    document: Value,
+    document: JsonDocument,
     code: ExitCode,
 }
 
@@ -94,7 +93,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
                 complain(&failure.message);
             }
             if json {
-                print_document(&in_order(&failure.document()));
+                print_document(&in_order(&failure.document()).into());
             }
             failure.code
         }
@@ -175,7 +174,7 @@ fn usage(error: &clap::Error, arguments: &[OsString]) -> ExitCode {
     }
     complain(&line);
     if arguments.iter().any(|a| a == "--json") {
-        print_document(&in_order(&Failure::new("usage", line).document()));
+        print_document(&in_order(&Failure::new("usage", line).document()).into());
     }
     ExitCode::Usage
 }
@@ -206,12 +205,7 @@ fn usage_line(message: &str) -> String {
     text
 }
 
-/// Returns a document with its members in the order of their names.
-fn in_order(document: &impl Serialize) -> Value {
-    serde_json::to_value(document).expect("keys are text")
-}
-
-fn print_document(document: &Value) -> bool {
+fn print_document(document: &JsonDocument) -> bool {
     printed(|stdout| {
         serde_json::to_writer_pretty(&mut *stdout, document)?;
         writeln!(stdout)

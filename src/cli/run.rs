@@ -6,14 +6,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 use serde::Serialize;
-use serde_json::Value;
 
 use super::args::{CommonArgs, MeshArgs, MethodArgs, StorageArgs};
 use super::exit_code::ExitCode;
 use super::failure::{Failure, flag};
 use super::interrupt::Interrupt;
+use super::json::{JsonDocument, in_order};
 use super::progress::Bars;
-use super::{Outcome, in_order, warn};
+use super::{Outcome, warn};
 use crate::document::{Document, OfScene};
 use crate::mesh::{MeshOptions, Subdivision};
 use crate::printable::printable_message;
@@ -241,16 +241,16 @@ impl Run {
     }
 
     /// Returns the document of a command; without `--json`, which alone prints it, it is null: that of many times takes gigabytes.
-    pub(super) fn document(&self, result: impl Serialize) -> Value {
+    pub(super) fn document(&self, result: impl Serialize) -> JsonDocument {
         if self.common.json {
-            in_order(&self.typed_document(result))
+            in_order(&self.typed_document(result)).into()
         } else {
-            Value::Null
+            JsonDocument::default()
         }
     }
 
     /// Returns the document of a command that prepared a scene: with what was left out, and what was chosen.
-    pub(super) fn document_of(&self, model: &Model, result: impl Serialize) -> Value {
+    pub(super) fn document_of(&self, model: &Model, result: impl Serialize) -> JsonDocument {
         self.document(OfScene::new(model, &self.cx, self.common.explain, result))
     }
 }

@@ -2,10 +2,11 @@
 
 use std::fmt::Write as _;
 
+use super::Outcome;
 use super::args::SceneArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
-use super::{Outcome, in_order};
+use super::json::in_order;
 use crate::document::{SceneDocument, VERSION};
 use crate::printable::counted;
 use crate::report::SCHEMA_VERSION;
@@ -54,7 +55,8 @@ pub(super) fn run(args: &SceneArgs) -> Result<Outcome, Failure> {
             camera_left: is_left.then(|| camera_file.display().to_string()),
             n_faces,
             n_surfaces,
-        }),
+        })
+        .into(),
         code: ExitCode::Done,
     })
 }

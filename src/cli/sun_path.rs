@@ -122,7 +122,7 @@ impl OnPath<'_> {
         }
     }
 
-    fn finish<S: Serialize>(
+    fn finish<S: Serialize + Send + 'static>(
         self,
         study: PathStudy<S>,
         (code, strict): (ExitCode, bool),
@@ -155,10 +155,11 @@ impl OnPath<'_> {
         if let Some(path) = written {
             let _ = writeln!(text, "wrote {}", path.display());
         }
-        let document = PathDocument::new(&self.model, self.factors, self.path, study);
+        let mut document = PathDocument::new(&self.model, self.factors, self.path, study);
+        let steps = std::mem::take(&mut document.steps);
         Outcome {
             text,
-            document: run.document_of(&self.model, document),
+            document: run.document_of(&self.model, document).with_list("steps", steps),
             code: run.judged(code, strict),
         }
     }

@@ -1,10 +1,11 @@
 //! `radiosity verify`.
 
+use super::Outcome;
 use super::args::VerifyArgs;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
+use super::json::in_order;
 use super::verify_text::describe;
-use super::{Outcome, in_order};
 use crate::document::VerifyDocument;
 use crate::render::exr::reading_byte;
 use crate::render::verify::{VerifyError, verify};
@@ -32,7 +33,7 @@ pub(super) fn run(args: &VerifyArgs) -> Result<Outcome, Failure> {
     let (text, passed) = (describe(&report), report.passed);
     Ok(Outcome {
         text,
-        document: in_order(&VerifyDocument::new(args.image.display().to_string(), times, report)),
+        document: in_order(&VerifyDocument::new(args.image.display().to_string(), times, report)).into(),
         code: if passed { ExitCode::Done } else { ExitCode::CheckFailed },
     })
 }

@@ -173,6 +173,7 @@ fn boundary(height_deg: f64) -> Boundary {
         surfaces: vec![Some(surface)],
         nodes: Vec::new(),
         patch_values: Vec::new(),
+        lines: Vec::new(),
     }
 }
 

@@ -87,3 +87,43 @@ pub fn planarity_error(corners: &[DVec3]) -> f64 {
     let mean = corners.iter().sum::<DVec3>() / corners.len() as f64;
     corners.iter().map(|&v| normal.dot(v - mean).abs()).fold(0.0, f64::max)
 }
+
+/// Returns the solid angle of a polygon as the origin sees it, sr: positive from behind, negative where its normal, by the right-hand rule of its corners, looks at the origin.
+///
+/// tan(Ω/2) = a · (b × c) / (abc + (a · b) c + (b · c) a + (c · a) b) for each triangle of a fan. Source: A. van Oosterom, J. Strackee, "The Solid Angle of a Plane Triangle", IEEE Transactions on
+/// Biomedical Engineering 30(2), 1983. Departures: none.
+#[must_use]
+pub fn solid_angle(corners: &[DVec3]) -> f64 {
+    let Some((&a, rest)) = corners.split_first() else {
+        return 0.0;
+    };
+    let triangle = |pair: &[DVec3]| {
+        let (b, c) = (pair[0], pair[1]);
+        let [x, y, z] = [a, b, c].map(DVec3::length);
+        2.0 * a
+            .dot(b.cross(c))
+            .atan2(x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y)
+    };
+    rest.windows(2).map(triangle).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use super::*;
+
+    #[test]
+    fn a_side_of_a_cube_is_a_sixth_of_the_sphere() {
+        let mut side = [
+            DVec3::new(-1.0, -1.0, 1.0),
+            DVec3::new(1.0, -1.0, 1.0),
+            DVec3::new(1.0, 1.0, 1.0),
+            DVec3::new(-1.0, 1.0, 1.0),
+        ];
+        assert!((solid_angle(&side) - 4.0 * PI / 6.0).abs() < 1e-14);
+        side.reverse();
+        assert!((solid_angle(&side) + 4.0 * PI / 6.0).abs() < 1e-14);
+        assert!(solid_angle(&side[..2]).abs() < 1e-300 && solid_angle(&[]).abs() < 1e-300);
+    }
+}

@@ -101,6 +101,21 @@ impl Enclosure<'_> {
         self.received(&Block::from_values(ones, 1)).values().to_vec()
     }
 
+    /// Returns the power that an `operator` R F makes for want of reciprocity, m², \[n\].
+    ///
+    /// Σ_i A_i (R F)_ij is Σ_i A_i F_ij, as A R is symmetric with rows that sum to A for all that it mixes. What it changes are row sums: g_j = Σ_i A_i F_ij − A_j Σ_k (R F)_jk.
+    pub(crate) fn gain_of(&self, operator: &dyn LinearOperator) -> Vec<f64> {
+        let ones = Block::from_values(vec![1.0; self.sky.len()], 1);
+        let mut mixed = Block::zeros(self.sky.len(), 1);
+        operator.apply(&ones, &mut mixed);
+        let sums = self.row_sums().into_iter().zip(mixed.values());
+        let known = self.gain.iter().zip(self.factors.areas());
+        known
+            .zip(sums)
+            .map(|((gain, area), (own, mixed))| gain + area * (own - mixed))
+            .collect()
+    }
+
     /// Returns whether a row lets light out, as [`RadiositySystem`] judges it from row sums s.
     pub(crate) fn lets_out(&self, i: usize, row_sum: f64) -> bool {
         !self.closed_rows[i] && row_sum < 1.0 - f64::from(f32::EPSILON)

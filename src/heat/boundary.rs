@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::boundary_file::BoundaryFile;
+use super::error::HeatError;
+use crate::printable::counted;
 use crate::scene::toml_file::TomlFile;
 use crate::scene::{Scene, SceneError, SceneErrorKind};
 
@@ -54,6 +56,19 @@ pub struct Boundary {
     pub patch_values: Vec<PatchValues>,
     /// The nodes.
     pub nodes: Vec<Node>,
+    /// Where the values of each surface stand in the file, in the same order; empty where they are from none.
+    pub lines: Vec<SurfaceLines>,
+}
+
+/// The lines of a file that give the values of a surface, from 1; 0 where none does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SurfaceLines {
+    /// That of ε.
+    pub emissivity: u32,
+    /// That of α, or of ε where α is not given.
+    pub absorptance: u32,
+    /// That of the condition.
+    pub condition: u32,
 }
 
 /// Parallel light, or that of a uniform disc, in the solar band.
@@ -110,7 +125,10 @@ impl PatchPlace {
             length if length == n => Ok(Some(values[i])),
             length => Err((
                 key,
-                format!("{length} values, where the surface has {n_own} patches and the scene {n}; give one for each"),
+                format!(
+                    "{length} values, where the surface has {} and the scene {n}; give one for each",
+                    counted(n_own, "patch")
+                ),
             )),
         }
     }
@@ -311,6 +329,19 @@ impl Boundary {
             own = own.with_condition(value);
         }
         own.checked().map(Some)
+    }
+
+    /// Returns the line of the file that an error is about, where that is known.
+    pub(crate) fn line_of(&self, error: &HeatError, scene: &Scene) -> Option<u32> {
+        let (name, key) = error.place()?;
+        let k = scene.surfaces.iter().position(|surface| surface.name == name)?;
+        let lines = self.lines.get(k)?;
+        let line = match key {
+            "emissivity" => lines.emissivity,
+            "absorptance" => lines.absorptance,
+            _ => lines.condition,
+        };
+        (line > 0).then_some(line)
     }
 
     /// Tells whether patches of a surface have temperatures of their own.

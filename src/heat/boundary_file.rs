@@ -4,10 +4,11 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use glam::DVec3;
-use serde::Deserialize;
+use serde::de::Error as _;
+use serde::{Deserialize, Deserializer};
 use toml::Spanned;
 
-use super::boundary::{Boundary, Condition, Node, OutOfRange, PatchValues, Sky, Sun, SurfaceBoundary};
+use super::boundary::{Boundary, Condition, Node, OutOfRange, PatchValues, Sky, Sun, SurfaceBoundary, SurfaceLines};
 use super::boundary::{expect_heat, expect_temperature};
 use crate::printable::quoted;
 use crate::scene::table::{Content, Table, three};
@@ -77,11 +78,20 @@ struct Entry {
 #[serde(untagged, expecting = "expected a number, or a list of one for each patch")]
 enum Amount {
     All(f64),
-    Each(Vec<f64>),
+    Each(#[serde(deserialize_with = "not_empty")] Vec<f64>),
+}
+
+/// Reads a list of one number or more.
+fn not_empty<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+    let values = Vec::deserialize(deserializer)?;
+    if values.is_empty() {
+        return Err(D::Error::invalid_length(0, &"one number or more"));
+    }
+    Ok(values)
 }
 
 impl Amount {
-    /// Returns the number, the first of several; not a number where there is none.
+    /// Returns the number, the first of several.
     fn first(&self) -> f64 {
         match self {
             Self::All(value) => *value,
@@ -291,6 +301,10 @@ impl BoundaryFile {
             );
             return Err(file.bad(self.node[unused].span().start, message));
         }
+        let lines = surfaces
+            .iter()
+            .map(|own| own.as_ref().map_or_else(SurfaceLines::default, |own| own.lines))
+            .collect();
         let of_surfaces = surfaces.iter().map(|own| own.as_ref().map(|own| own.surface)).collect();
         let values = surfaces
             .into_iter()
@@ -307,6 +321,7 @@ impl BoundaryFile {
             surfaces: of_surfaces,
             patch_values,
             nodes,
+            lines,
         })
     }
 }
@@ -399,6 +414,7 @@ struct Resolved {
     surface: SurfaceBoundary,
     start: usize,
     values: PatchValues,
+    lines: SurfaceLines,
 }
 
 impl GivenCondition {
@@ -465,6 +481,11 @@ fn conditions(
         for &value in condition_values.iter().flat_map(|amount| amount.values()) {
             surface.with_condition(value).checked().map_err(refused)?;
         }
+        let lines = SurfaceLines {
+            emissivity: file.line(emissivity.1),
+            absorptance: file.line(absorptance.1),
+            condition: file.line(condition.start),
+        };
         let values = PatchValues {
             condition: condition_values.cloned().map_or_else(Vec::new, Amount::each),
             emissivity: emissivity.0.each(),
@@ -474,6 +495,7 @@ fn conditions(
             surface,
             start: condition.start,
             values,
+            lines,
         }))
     };
     collected.into_iter().enumerate().map(of_surface).collect()

@@ -67,6 +67,18 @@ pub enum HeatError {
     },
 }
 
+impl HeatError {
+    /// Returns the surface that the error is about, and the key of its entry; nothing for the key is the condition.
+    pub(super) fn place(&self) -> Option<(&str, &'static str)> {
+        match self {
+            Self::OtherScene { .. } => None,
+            Self::OutOfRange { surface, key, .. } => Some((surface, key)),
+            Self::Apart { surfaces, .. } => Some((&surfaces[0], "")),
+            Self::NoTemperature { surface, .. } | Self::BelowZero { surface, .. } => Some((surface, "")),
+        }
+    }
+}
+
 fn why(imbalance_w: f64, has_solutions: bool) -> String {
     if has_solutions {
         format!("supplied heats balance to {imbalance_w:.3e} W, and infinitely many temperatures solve it")

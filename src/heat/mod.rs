@@ -19,6 +19,7 @@ mod boundary;
 mod boundary_file;
 mod error;
 mod exchange;
+mod inside;
 mod network;
 mod points;
 mod result;
@@ -30,7 +31,9 @@ mod sunlight;
 mod thermal;
 
 pub use band::Band;
-pub use boundary::{Boundary, Condition, MAX_FLUX, MAX_TEMPERATURE_K, Node, PatchValues, Sky, Sun, SurfaceBoundary};
+pub use boundary::{
+    Boundary, Condition, MAX_FLUX, MAX_TEMPERATURE_K, Node, PatchValues, Sky, Sun, SurfaceBoundary, SurfaceLines,
+};
 pub use error::HeatError;
 pub use exchange::{ExchangeFactors, SURROUNDINGS};
 pub use network::Network;

@@ -8,10 +8,12 @@ use rayon::prelude::*;
 use super::band::Band;
 use super::boundary::{Boundary, Sun};
 use super::emissive_power;
+use super::inside::Solids;
 use super::thermal::Stated;
 use crate::form_factor::partial::{Place, PointViews, Scratch};
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::point_form_factor::point_form_factor;
+use crate::geometry::polygon::solid_angle;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 
@@ -37,7 +39,7 @@ pub enum PointStatus {
     Free,
     /// On a face: its factors are those of neither side.
     OnFace,
-    /// Where nothing but backs is seen, as inside of a solid.
+    /// Inside of a solid, whose faces it sees from behind, or where nothing but backs is seen.
     InsideSolid,
 }
 
@@ -103,17 +105,22 @@ struct Sums {
 
 impl PointScene<'_> {
     /// Gathers what points look at.
-    pub(crate) fn views(&self) -> PointViews {
-        PointViews::new(self.scene, self.mesh)
+    pub(crate) fn views(&self) -> (PointViews, Solids) {
+        (PointViews::new(self.scene, self.mesh), Solids::of(self.scene))
     }
 
     /// Looks from all points.
-    pub(crate) fn look(&self, views: &PointViews, queries: &[PointQuery]) -> Vec<PointView> {
+    pub(crate) fn look(&self, views: &(PointViews, Solids), queries: &[PointQuery]) -> Vec<PointView> {
         let look = |scratch: &mut Scratch, query| self.look_from(views, query, scratch);
         queries.par_iter().map_init(Scratch::default, look).collect()
     }
 
-    fn look_from(&self, views: &PointViews, query: &PointQuery, scratch: &mut Scratch) -> PointView {
+    fn look_from(
+        &self,
+        (views, solids): &(PointViews, Solids),
+        query: &PointQuery,
+        scratch: &mut Scratch,
+    ) -> PointView {
         let normal = query.normal.map(DVec3::normalize_or_zero);
         let mut surfaces = vec![Stated::default(); self.scene.surfaces.len()];
         let mut backs = Stated::default();
@@ -122,9 +129,13 @@ impl PointScene<'_> {
         let mut borders = vec![0.0; surfaces.len() + 1];
         let up = self.sky_up();
         let mut closest = f64::INFINITY;
+        let mut behind = Vec::new();
         let nearest = views.visit((query.position, normal), scratch, |part| {
             let factor = measure(part.corners, normal);
             let surface = self.mesh.patches[part.patch].surface.0 as usize;
+            if part.is_back {
+                behind.push(solids.piece_of(self.mesh.patches[part.patch].face));
+            }
             let (sum, border) = if part.is_back {
                 (&mut backs, borders.len() - 1)
             } else {
@@ -171,6 +182,7 @@ impl PointScene<'_> {
         let status = match views.place(query.position) {
             Place::OnFace => PointStatus::OnFace,
             Place::Free if backs.value >= 1.0 - ALL => PointStatus::InsideSolid,
+            Place::Free if solids.contain(&mut behind, query.position) => PointStatus::InsideSolid,
             Place::Free => PointStatus::Free,
         };
         let heat = self.heat.map(|(_, boundary)| {
@@ -299,37 +311,6 @@ fn measure(corners: &[DVec3], normal: Option<DVec3>) -> f64 {
     }
     match normal {
         Some(normal) => point_form_factor(DVec3::ZERO, normal, corners),
-        None => solid_angle(corners) / (4.0 * PI),
-    }
-}
-
-/// Returns the solid angle of a convex polygon as the origin sees it, sr.
-///
-/// Ω = Σ 2 atan2(|a · (b × c)|, abc + (a · b) c + (b · c) a + (c · a) b) over the triangles of a fan. Source: A. van Oosterom, J. Strackee, "The Solid Angle of a Plane Triangle", IEEE Transactions on
-/// Biomedical Engineering 30(2), 1983. Departures: none.
-fn solid_angle(corners: &[DVec3]) -> f64 {
-    let a = corners[0];
-    let triangle = |pair: &[DVec3]| {
-        let (b, c) = (pair[0], pair[1]);
-        let [x, y, z] = [a, b, c].map(DVec3::length);
-        let volume = a.dot(b.cross(c)).abs();
-        2.0 * volume.atan2(x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y)
-    };
-    corners[1..].windows(2).map(triangle).sum()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_side_of_a_cube_is_a_sixth_of_the_sphere() {
-        let side = [
-            DVec3::new(-1.0, -1.0, 1.0),
-            DVec3::new(1.0, -1.0, 1.0),
-            DVec3::new(1.0, 1.0, 1.0),
-            DVec3::new(-1.0, 1.0, 1.0),
-        ];
-        assert!((solid_angle(&side) - 4.0 * PI / 6.0).abs() < 1e-14);
+        None => solid_angle(corners).abs() / (4.0 * PI),
     }
 }

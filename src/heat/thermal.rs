@@ -4,6 +4,7 @@ use super::band::Band;
 use super::error::HeatError;
 use super::network::{Group, Network, State};
 use super::{emissive_power, temperature};
+use crate::matrix::roundings;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 
@@ -37,10 +38,11 @@ impl Judged {
         }
     }
 
+    /// Adds another with a weight above 0: sizes of changes, as those that cancel in a sum by chance say little of the rest.
     pub(super) fn add(&mut self, weight: f64, other: Self) {
         self.value += weight * other.value;
         self.error += weight * other.error;
-        self.change += weight * other.change;
+        self.change += weight * other.change.abs();
     }
 }
 
@@ -138,7 +140,10 @@ impl Network {
                     let supplied = Judged::certain(per_area(self.groups[group].supplied));
                     (powers[group], flux, supplied)
                 }
-                State::Member(group) => given((powers[group], self.of_member(i, group, powers[group], irradiance))),
+                State::Member(group) => {
+                    let known = (powers[group], heats[group][0]);
+                    given((powers[group], self.of_member(i, &self.groups[group], known, band)))
+                }
             };
             thermal.power.push(power);
             thermal.net_flux.push(flux);
@@ -190,21 +195,37 @@ impl Network {
         (Judged::certain(value), flux)
     }
 
-    /// Returns q of a patch among others of one temperature.
-    fn of_member(&self, i: usize, group: usize, power: Judged, irradiance: Judged) -> Judged {
+    /// Returns q of a patch among others of one temperature, which has a share Q / S of their heat in `heat`.
+    ///
+    /// M − H = Q / S + Σ_j w_j (H_j − H): summed as it stands where the patch has most of the weight, as M is all but its own H then.
+    fn of_member(&self, i: usize, group: &Group, (power, heat): (Judged, f64), band: &Band) -> Judged {
         let emissivity = self.emissivity[i];
-        let weight = self.areas()[i] * emissivity / self.groups[group].absorbing;
+        let own = band.irradiance[i];
+        let own_error = band.irradiance_error[i];
+        let own_change = band.mesh_change.as_ref().map_or(0.0, |change| change[i]);
+        let weight = self.areas()[i] * emissivity / group.absorbing;
+        let share = heat / group.absorbing;
+        let others = group.members.iter().filter(|(j, _)| *j != i);
+        let (above, terms) = if weight > 0.5 {
+            others.fold((share, share.abs()), |(sum, terms), &(j, w)| {
+                let other = band.irradiance[j];
+                (sum + w * (other - own), terms + w * (other.abs() + own.abs()))
+            })
+        } else {
+            (power.value - own, share.abs() + power.value.abs() + own.abs())
+        };
         // The patch's own irradiance is in both terms of M − H.
-        let error = power.error - weight * irradiance.error + (1.0 - weight) * irradiance.error;
+        let carried = power.error - weight * own_error + (1.0 - weight) * own_error;
+        let rounding = roundings(group.members.len()) * f64::EPSILON * terms;
         Judged {
-            value: emissivity * (power.value - irradiance.value),
+            value: emissivity * above,
             error: emissivity
-                * if irradiance.error.is_finite() {
-                    error
+                * if own_error.is_finite() {
+                    carried.max(0.0) + rounding
                 } else {
                     f64::INFINITY
                 },
-            change: emissivity * (power.change - irradiance.change),
+            change: emissivity * (power.change - own_change),
         }
     }
 }

@@ -65,9 +65,20 @@ impl TextFile {
         let (head_line, head) = lines
             .next()
             .ok_or_else(|| self.bad(0, format!("no line of names; begin with {first}")))?;
+        let names: Vec<&str> = head.split(',').map(|name| name.trim().trim_matches('"')).collect();
+        let is_again = |(k, name): &(usize, &&str)| names[..*k].iter().any(|own| own.eq_ignore_ascii_case(name));
+        let again = names
+            .iter()
+            .enumerate()
+            .filter(|(_, name)| !name.is_empty())
+            .find(is_again);
+        if let Some((_, name)) = again {
+            let wrong = format!("two columns are called `{}`; rename one", quoted(name));
+            return Err(self.bad(head_line, wrong));
+        }
         Ok(Table {
             file: self,
-            names: head.split(',').map(|name| name.trim().trim_matches('"')).collect(),
+            names,
             head_line,
             rows: lines.collect(),
         })

@@ -40,7 +40,7 @@ impl TomlFile {
     /// What is no such TOML, with its line.
     pub(crate) fn parsed<T: DeserializeOwned>(&self, what: &str) -> Result<T, SceneError> {
         toml::from_str(&self.text).map_err(|error| {
-            let message = error.message().trim().replace('\n', ", ");
+            let message = plain(error.message().trim());
             self.bad(
                 error.span().map(|span| span.start),
                 format!("{message}; correct the {what}"),
@@ -58,6 +58,23 @@ impl TomlFile {
     pub(crate) fn line(&self, start: usize) -> u32 {
         line_after(self.text.get(..start).unwrap_or(&self.text))
     }
+}
+
+/// Returns a parser's message as one line, without the words of its own types.
+fn plain(message: &str) -> String {
+    const WORDS: [(&str, &str); 5] = [
+        ("\n", ", "),
+        (
+            "invalid type: map, expected a sequence",
+            "one table where several may stand; write its name in two brackets, as in [[name]]",
+        ),
+        ("invalid type: sequence", "invalid type: list"),
+        ("invalid type: map", "invalid type: table"),
+        ("expected f64", "expected a number"),
+    ];
+    WORDS.iter().fold(message.to_owned(), |message, (words, plain)| {
+        message.replace(words, plain)
+    })
 }
 
 /// Returns the first of many names, as a message lists them.

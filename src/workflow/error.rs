@@ -6,7 +6,7 @@ use super::VoxelRemedy;
 use crate::checkpoint::CheckpointError;
 use crate::embree::EmbreeError;
 use crate::form_factor::{FormFactorError, Leak, MAX_ESCAPED};
-use crate::heat::HeatError;
+use crate::heat::{Boundary, HeatError};
 use crate::matrix::{DiskError, MatrixError};
 use crate::mesh::{MeshError, Subdivision};
 use crate::parameter::{Named, Parameter, plainly};
@@ -14,7 +14,7 @@ use crate::plan::{StorageError, byte_text};
 use crate::printable::printable_message;
 use crate::render::RenderError;
 use crate::report::ReportError;
-use crate::scene::{IMAGE_SIDES, MotionError, SceneError};
+use crate::scene::{IMAGE_SIDES, MotionError, Origin, Scene, SceneError};
 use crate::solver::SolverError;
 use crate::voxel::VoxelError;
 
@@ -116,6 +116,8 @@ pub enum WorkflowError {
     Heat {
         /// The file of the boundary conditions.
         file: PathBuf,
+        /// The line of it that the error is about, where that is known.
+        line: Option<u32>,
         /// Why.
         error: HeatError,
     },
@@ -203,6 +205,15 @@ impl std::fmt::Display for WorkflowError {
 }
 
 impl WorkflowError {
+    /// Returns an error of boundary conditions with the line that it is about.
+    pub(super) fn heat(boundary: &Boundary, error: HeatError, scene: &Scene) -> Self {
+        Self::Heat {
+            file: boundary.file.clone(),
+            line: boundary.line_of(&error, scene),
+            error,
+        }
+    }
+
     /// Returns where a sequence names what is refused, to be added to the error itself; empty elsewhere.
     pub(crate) fn place(&self) -> String {
         match self {
@@ -278,7 +289,7 @@ impl WorkflowError {
                 remedy.text(named),
                 name(Parameter::MemoryLimit)
             ),
-            Self::Heat { file, error } => format!("{}: {error}", file.display()),
+            Self::Heat { file, line, error } => format!("{}{error}", Origin::line(file, *line)),
             Self::Checkpoint(error) => error.to_string(),
             Self::Unsuited(unsuited) => unsuited.text(named),
             Self::InFrame { error, .. } | Self::AtTime { error, .. } => {

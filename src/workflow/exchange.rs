@@ -37,10 +37,8 @@ impl Model {
         request: &SolveRequest,
         cx: &mut Context,
     ) -> Result<ExchangeFactors, WorkflowError> {
-        let network = Network::new(&self.scene, &self.mesh, boundary).map_err(|error| WorkflowError::Heat {
-            file: boundary.file.clone(),
-            error,
-        })?;
+        let network = Network::new(&self.scene, &self.mesh, boundary)
+            .map_err(|error| WorkflowError::heat(boundary, error, &self.scene))?;
         let n_nodes = match by {
             ExchangeNodes::Surfaces => self.scene.surfaces.len(),
             ExchangeNodes::Patches => self.mesh.n_patches(),

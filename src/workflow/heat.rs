@@ -2,12 +2,14 @@
 
 use super::solve::Known;
 use super::{Context, FormFactorStudy, MeshError, Model, SolveRequest, TotalError, Warning, WorkflowError};
+use crate::audit::Given;
 use crate::heat::{
     Band, Boundary, DirectLight, Enclosure, Heat, HeatBalance, HeatError, Network, Outside, Solution as HeatSolution,
     Solved, emissive_power, solar_system, sunlight, thermal_exitance,
 };
 use crate::matrix::connected;
 use crate::matrix::operator::{Block, LinearOperator};
+use crate::scene::Scene;
 use crate::solver::{Coarsened, Solution, StopReason};
 
 /// The residual that solvers are to reach where they can: temperatures follow from light that is nearly even at low emissivities, and from little of it beside hot surfaces.
@@ -15,6 +17,9 @@ const AIM: f64 = 1e-12;
 
 /// The error of a surface's irradiance, relative to the larger of that and its own emissive power, from which it is warned of.
 pub const MAX_HEAT_ERROR: f64 = 1e-2;
+
+/// The relative change of a surface's mean radiosity by a mesh of one patch a face from which that mesh does not tell the error of the finer one.
+const MAX_CHANGE: f64 = 1e-2;
 
 /// The part of all heat from which backs are warned of.
 const TO_BACKS: f64 = 1e-12;
@@ -74,13 +79,10 @@ impl Model {
         cx: &mut Context,
     ) -> Result<HeatStudy, WorkflowError> {
         let direct = [self.direct_light(study, boundary, cx)];
-        let refused = |_, error: HeatError| WorkflowError::Heat {
-            file: boundary.file.clone(),
-            error,
-        };
+        let refused = |_, error: HeatError, scene: &Scene| WorkflowError::heat(boundary, error, scene);
         let mut found = self.heat_of_each(study, boundary, &direct, (request, &refused), cx)?;
         let found = found.swap_remove(0);
-        found.warn(cx);
+        found.warn(self.scene.faces.len(), cx);
         Ok(found)
     }
 
@@ -90,10 +92,11 @@ impl Model {
         study: &FormFactorStudy,
         boundary: &Boundary,
         direct: &[DirectLight],
-        (request, refused): (&SolveRequest, &dyn Fn(usize, HeatError) -> WorkflowError),
+        (request, refused): (&SolveRequest, &dyn Fn(usize, HeatError, &Scene) -> WorkflowError),
         cx: &mut Context,
     ) -> Result<Vec<HeatStudy>, WorkflowError> {
-        let network = Network::new(&self.scene, &self.mesh, boundary).map_err(|error| refused(0, error))?;
+        let network =
+            Network::new(&self.scene, &self.mesh, boundary).map_err(|error| refused(0, error, &self.scene))?;
         let enclosure = study.enclosure();
         let n = network.n_patches();
         let solar = self.solar_band(study, (&network, direct), request, cx)?;
@@ -115,7 +118,7 @@ impl Model {
         for (k, [own, _]) in absorbed.iter().enumerate() {
             network
                 .expect_determined(&self.scene, &self.mesh, &components, own, lets_out)
-                .map_err(|error| refused(k, error))?;
+                .map_err(|error| refused(k, error, &self.scene))?;
         }
         let outside = enclosure.surroundings(emissive_power(boundary.surroundings_k), direct.len());
         let (mut exitances, mut errors) = (Vec::new(), [Vec::new(), Vec::new()]);
@@ -154,7 +157,7 @@ impl Model {
                 thermal: of_thermal.band,
             };
             let mut found = HeatStudy {
-                heat: solution.heat().map_err(|error| refused(k, error))?,
+                heat: solution.heat().map_err(|error| refused(k, error, &self.scene))?,
                 solar: None,
                 thermal: of_thermal.solution,
                 error: of_thermal.error,
@@ -248,7 +251,12 @@ impl Model {
             is_thermal,
         } = system;
         let enclosure = study.enclosure();
+        let mixed = is_thermal.then(|| enclosure.gain_of(operator));
         let known = Known {
+            given: Given {
+                gain: Some(mixed.as_deref().unwrap_or(&study.gain)),
+                costly: false,
+            },
             signed: is_thermal,
             aim: Some(AIM),
             ..study.known()
@@ -314,15 +322,23 @@ impl FormFactorStudy {
 }
 
 impl HeatStudy {
-    fn warn(&self, cx: &Context) {
+    fn warn(&self, n_faces: usize, cx: &Context) {
         warn_of_backs(&self.heat.balance, cx);
-        self.warn_without_mesh(cx);
+        self.warn_of_mesh(n_faces, cx);
         warn_of_errors(self.thermal.stop_reason, self.heat.relative_error, cx);
     }
 
-    pub(super) fn warn_without_mesh(&self, cx: &Context) {
+    /// Warns of an error of the mesh that is not known, or known from too coarse a mesh.
+    pub(super) fn warn_of_mesh(&self, n_faces: usize, cx: &Context) {
         if self.heat.thermal.mesh_change.is_none() {
             cx.warn_once(Warning::NoMeshError);
+        }
+        if let Some(coarse) = &self.mesh_error
+            && coarse.n_patches <= n_faces
+            && coarse.surface_mean_max > MAX_CHANGE
+        {
+            let change = coarse.surface_mean_max;
+            cx.warn_once(Warning::OnePatchAFace { change });
         }
     }
 }

@@ -15,6 +15,7 @@ use crate::heat::{
     Boundary, DirectLight, HeatBalance, HeatError, SunOccluders, SunPath, SunStep, Sunlight, SurfaceHeat,
 };
 use crate::report::series::{SeriesBlock, SeriesQuantity};
+use crate::scene::Scene;
 
 /// The quantities of patches that do not change with the sun.
 const CONSTANTS: [&str; 6] = [
@@ -132,9 +133,10 @@ impl PathWork for HeatWork<'_> {
     }
 
     fn hash_into(&self, _: &Model, hasher: &mut Sha256) {
-        // Wherever their file is.
+        // Wherever they stand.
         let conditions = Boundary {
             file: PathBuf::new(),
+            lines: Vec::new(),
             ..self.boundary.clone()
         };
         hasher.update(format!("{conditions:?}"));
@@ -152,18 +154,15 @@ impl PathWork for HeatWork<'_> {
         cx: &mut Context,
     ) -> Result<SolvedBlock<HeatStep>, WorkflowError> {
         let direct = cx.time("sun", || self.direct(model, occluders, steps));
-        let refused = |k: usize, error: HeatError| WorkflowError::AtTime {
-            error: Box::new(WorkflowError::Heat {
-                file: self.boundary.file.clone(),
-                error,
-            }),
+        let refused = |k: usize, error: HeatError, scene: &Scene| WorkflowError::AtTime {
+            error: Box::new(WorkflowError::heat(self.boundary, error, scene)),
             path: self.path.file.clone(),
             line: steps[k].line,
             time: steps[k].time_text.clone(),
         };
         let found = model.heat_of_each(self.study, self.boundary, &direct, (self.request, &refused), cx)?;
         for study in &found {
-            study.warn_without_mesh(cx);
+            study.warn_of_mesh(model.scene.faces.len(), cx);
         }
         let is_constant = |name: &str| CONSTANTS.contains(&name);
         let mut values = SeriesBlock {
@@ -192,6 +191,7 @@ impl PathWork for HeatWork<'_> {
             values,
             steps: found.iter().map(HeatStep::new).collect(),
             checks: Vec::new(),
+            leak: None,
             leak_is_too_great: false,
             warnings: Vec::new(),
         })

@@ -1,6 +1,6 @@
 //! The light that leaks through patches that are not cut at contact edges.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::{Context, Model, Warning};
 use crate::matrix::operator::Block;
@@ -19,7 +19,7 @@ pub struct Leaks {
 }
 
 /// What leaks through the patches of a mesh.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct Leak {
     /// The patches that contact edges cross.
@@ -32,7 +32,7 @@ pub struct Leak {
 }
 
 /// An amount that leaks, with its error.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(untagged)]
 pub enum Amount {
@@ -50,6 +50,18 @@ pub enum Amount {
         /// Its error.
         exchange_area_error_m2: f64,
     },
+}
+
+impl Leaks {
+    /// Counts a leak among the others.
+    pub(super) fn add(&mut self, leak: Option<Leak>, is_too_great: bool) {
+        self.are_too_great |= is_too_great;
+        if let Some(own) = leak
+            && self.worst.is_none_or(|worst| own.relative > worst.relative)
+        {
+            self.worst = leak;
+        }
+    }
 }
 
 impl Context {
@@ -97,14 +109,12 @@ impl Context {
 
     fn judge_leak(&mut self, leak: Leakage, amount: Amount, unit: &'static str, whole: &'static str) {
         let n_patches = self.leaks.found.as_ref().map_or(0, LightLeaks::n_patches);
-        self.leaks.are_too_great |= leak.is_too_great();
-        if self.leaks.worst.is_none_or(|worst| leak.relative > worst.relative) {
-            self.leaks.worst = Some(Leak {
-                n_patches,
-                amount,
-                relative: leak.relative,
-            });
-        }
+        let own = Leak {
+            n_patches,
+            amount,
+            relative: leak.relative,
+        };
+        self.leaks.add(Some(own), leak.is_too_great());
         if leak.value > 0.0 {
             self.warn(Warning::LightLeak {
                 n_patches,

@@ -139,6 +139,7 @@ impl PathWork for LightWork<'_> {
             },
             steps: found,
             checks: Vec::new(),
+            leak: None,
             leak_is_too_great: false,
             warnings: Vec::new(),
         })

@@ -5,7 +5,7 @@ use rand_pcg::rand_core::Rng as _;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use sha2::{Digest as _, Sha256};
 
-use super::{Context, FormFactorStudy, Model, SolveRequest, TotalError, Warning, WorkflowError, storage};
+use super::{Context, FormFactorStudy, Leak, Model, SolveRequest, TotalError, Warning, WorkflowError, storage};
 use crate::audit::{Audit, Check};
 use crate::checkpoint::Checkpoint;
 use crate::heat::{SunOccluders, SunPath, SunStep};
@@ -47,6 +47,7 @@ pub(super) struct SolvedBlock<S> {
     pub(super) error: TotalError,
     pub(super) values: SeriesBlock,
     pub(super) checks: Vec<Check>,
+    pub(super) leak: Option<Leak>,
     pub(super) leak_is_too_great: bool,
     pub(super) warnings: Vec<Warning>,
 }
@@ -126,7 +127,7 @@ impl Model {
                 not_checked: Vec::new(),
             });
             cx.audit.keep_worst();
-            cx.leaks.are_too_great |= block.leak_is_too_great;
+            cx.leaks.add(block.leak, block.leak_is_too_great);
             found.steps.extend(block.steps);
             found.n_passes += block.n_passes;
             found.error = found.error.or_worse(block.error);
@@ -182,16 +183,19 @@ fn fresh_block<W: PathWork>(
 ) -> Result<SolvedBlock<W::Step>, WorkflowError> {
     let before = std::mem::take(&mut cx.audit);
     let leaked = std::mem::take(&mut cx.leaks.are_too_great);
+    let leak = std::mem::take(&mut cx.leaks.worst);
     let n_warnings = cx.warnings().len();
     let solved = work.solve(model, occluders, steps, with_values, cx);
     let own = std::mem::replace(&mut cx.audit, before);
     let leak_is_too_great = std::mem::replace(&mut cx.leaks.are_too_great, leaked);
+    let leak = std::mem::replace(&mut cx.leaks.worst, leak);
     let mut block = solved?;
     // What is not checked is the same in all blocks.
     if cx.audit.not_checked.is_empty() {
         cx.audit.not_checked = own.not_checked;
     }
     block.checks = own.checks;
+    block.leak = leak;
     block.leak_is_too_great = leak_is_too_great;
     block.warnings = cx.warnings().split_off(n_warnings);
     Ok(block)

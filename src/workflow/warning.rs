@@ -325,6 +325,11 @@ pub enum Warning {
     },
     /// The error of the mesh is in no stated error.
     NoMeshError,
+    /// The error of the mesh of a heat is known from one patch a face alone, and that is much.
+    OnePatchAFace {
+        /// The greatest relative change of a surface's mean radiosity from there.
+        change: f64,
+    },
     /// Temperatures are inexact.
     InexactHeat {
         /// The greatest error of a surface's irradiance, relative to the larger of that and its emissive power.

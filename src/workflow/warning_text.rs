@@ -112,7 +112,9 @@ impl Warning {
             | Self::EscapingLinks { .. }
             | Self::PassedWalls { .. }
             | Self::UnshotLight { .. } => self.of_voxels(named),
-            Self::HeatToBacks { .. } | Self::NoMeshError | Self::InexactHeat { .. } => self.of_heat(named),
+            Self::HeatToBacks { .. } | Self::NoMeshError | Self::OnePatchAFace { .. } | Self::InexactHeat { .. } => {
+                self.of_heat(named)
+            }
             _ => self.of_numbers(named),
         }
     }
@@ -256,6 +258,10 @@ impl Warning {
             ),
             Self::NoMeshError => format!(
                 "the error of the mesh is not known and is in no stated error, as no coarser mesh is to be had; give {} of 2 or more",
+                named(Parameter::Subdivide, None)
+            ),
+            Self::OnePatchAFace { change } => format!(
+                "one patch a face would change a surface by {change:.1e}: the error of the mesh may be several times the stated one; give {} of 4 or more",
                 named(Parameter::Subdivide, None)
             ),
             Self::InexactHeat { relative } => format!(

@@ -242,7 +242,7 @@ fn mistakes_are_one_line() {
     .unwrap();
     for (flags, code, words) in [
         (&["--boundary", "bad.toml"][..], 1, "bad.toml:5:"),
-        (&["--boundary", "none.toml"], 1, "none.toml: no temperature is given"),
+        (&["--boundary", "none.toml"], 1, "none.toml:4: no temperature is given"),
         (&["--boundary", "missing.toml"], 1, "no such file"),
         (&["--boundary", "b.toml", "-o", "T.txt"], 2, "names no format"),
         (&["--boundary", "b.toml", "-o", "b.toml"], 2, "names no format"),

@@ -542,11 +542,11 @@ fn frames_share_form_factors_and_equal_single_pictures() {
         ("[[frame]]\nname = \"a/b\"\n", "bad.toml:1"),
         (
             "\nframe = [[\"a\"]]\n",
-            "bad.toml:2: invalid type: sequence, expected a table with a `name`",
+            "bad.toml:2: invalid type: list, expected a table with a `name`",
         ),
         (
             "[[frame]]\nname = \"a\"\nmove = [[\"box\", 30]]\n",
-            "bad.toml:3: invalid type: sequence, expected a table with a `surface` and its motion",
+            "bad.toml:3: invalid type: list, expected a table with a `surface` and its motion",
         ),
         ("[[frame]]\nname = \"a\"\nlight = \"x\"\n", "bad.toml:3"),
         (

@@ -419,11 +419,11 @@ fn a_bad_lighting_is_refused_in_one_line() {
         // A list is no table, whose parts are named, and has no more numbers than there are channels.
         (
             "[surface]\n\"x0\" = [1.0, 0.5, 7.0]\n",
-            "bad.toml:2: invalid type: sequence, expected a table with `exitance` or `reflectance`",
+            "bad.toml:2: invalid type: list, expected a table with `exitance` or `reflectance`",
         ),
         (
             "[material]\nwhite = []\n",
-            "bad.toml:2: invalid type: sequence, expected a table with `exitance` or `reflectance`",
+            "bad.toml:2: invalid type: list, expected a table with `exitance` or `reflectance`",
         ),
         (
             "[material.white]\nexitance = [1.0, 0.5, 0.5, 7.0]\n",

@@ -245,6 +245,7 @@ impl HeatCase {
             sky: None,
             surfaces: self.sides.iter().map(of_side).collect(),
             patch_values: Vec::new(),
+            lines: Vec::new(),
             nodes: Vec::new(),
         }
     }

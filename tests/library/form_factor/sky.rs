@@ -24,7 +24,8 @@ fn open(n: usize) -> Enclosed {
     }
 }
 
-fn sky(prepared: &Prepared, factors: &FormFactors, method: &dyn FormFactorMethod) -> SkyFactors {
+/// Returns the sky factors of form factors, with what the scene tells about openings.
+pub(super) fn sky(prepared: &Prepared, factors: &FormFactors, method: &dyn FormFactorMethod) -> SkyFactors {
     let input = prepared.input();
     let found = enclosed(
         input,

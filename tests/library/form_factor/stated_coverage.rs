@@ -1,4 +1,4 @@
-//! How many entries of the form factors lie within the errors that each method states of them.
+//! How many entries of the form factors, and how many sky factors, lie within the errors that each method states of them.
 
 #![expect(clippy::print_stdout, reason = "tables are printed")]
 
@@ -6,10 +6,11 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DQuat, DVec3, EulerRot};
 use radiosity::form_factor::registry::{self, METHODS};
-use radiosity::form_factor::{ExactMethod, FormFactorError, MethodSettings};
+use radiosity::form_factor::{ExactMethod, FormFactorError, MethodSettings, SkyFactors};
 use radiosity::matrix::FormFactors;
 use radiosity::scene::{Scene, builtin};
 
+use super::sky::sky;
 use crate::support::Uniform;
 use crate::support::rooms::{Prepared, Shapes, moved};
 
@@ -194,21 +195,32 @@ impl Coverage {
     fn add(&mut self, truth: &FormFactors, found: &FormFactors) {
         let n = truth.n_rows();
         for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).filter(|(i, j)| i != j) {
-            let (right, value, stated) = (truth.get(i, j), found.get(i, j), found.std_error(i, j));
             let slack = truth.std_error(i, j) + 1e-14;
-            if value.abs() + stated + right <= slack {
-                continue;
-            }
-            let error = (value - right).abs();
-            self.n += 1;
-            self.within_one += usize::from(error <= stated + slack);
-            self.within_two += usize::from(error <= 2.0 * stated + slack);
-            self.n_certain_and_wrong += usize::from(value.abs() + stated <= 0.0 && right > slack);
-            // Rounding is stated as a bound.
-            if error > 3.0 * (slack + 1e-12) {
-                self.ratios.push(stated / error);
-                self.worst = self.worst.max((error - slack) / stated.max(1e-300));
-            }
+            self.note(truth.get(i, j), (found.get(i, j), found.std_error(i, j)), slack);
+        }
+    }
+
+    /// Adds what of the light of each patch escapes.
+    fn add_sky(&mut self, truth: &SkyFactors, found: &SkyFactors) {
+        for (right, own) in truth.sky.iter().zip(&found.sky) {
+            self.note(right.value, (own.value, own.error()), right.error() + 1e-14);
+        }
+    }
+
+    /// Adds a value with its stated error, whose true value is known to `slack`.
+    fn note(&mut self, right: f64, (value, stated): (f64, f64), slack: f64) {
+        if value.abs() + stated + right <= slack {
+            return;
+        }
+        let error = (value - right).abs();
+        self.n += 1;
+        self.within_one += usize::from(error <= stated + slack);
+        self.within_two += usize::from(error <= 2.0 * stated + slack);
+        self.n_certain_and_wrong += usize::from(value.abs() + stated <= 0.0 && right > slack);
+        // Rounding is stated as a bound.
+        if error > 3.0 * (slack + 1e-12) {
+            self.ratios.push(stated / error);
+            self.worst = self.worst.max((error - slack) / stated.max(1e-300));
         }
     }
 
@@ -232,25 +244,30 @@ impl Coverage {
     }
 }
 
-/// Computes the coverage of each of `names` in a scene, with its default settings and some seeds; `None` for methods that cannot treat it.
-fn coverages(scene: Scene, subdivide: u32, names: &[&str], seeds: u64) -> Vec<Option<Coverage>> {
+/// Computes the coverage of each of `names` in a scene, with its default settings and some seeds: of entries, and of sky factors; `None` for methods that cannot treat it.
+fn coverages(scene: Scene, subdivide: u32, names: &[&str], seeds: u64) -> Vec<Option<[Coverage; 2]>> {
     let prepared = Prepared::new(scene, subdivide);
     let exact = ExactMethod {
         tolerance: TRUTH,
         ..ExactMethod::default()
     };
     let truth = prepared.compute(&exact);
+    let true_sky = sky(&prepared, &truth, &exact);
     let of_method = |name: &&str| {
-        let mut coverage = Coverage::default();
+        let [mut entries, mut skies] = [(); 2].map(|()| Coverage::default());
         for seed in 0..seeds {
             let settings = MethodSettings::default().seeded(seed);
-            match prepared.try_compute(&*registry::method(name, &settings).unwrap()) {
-                Ok(found) => coverage.add(&truth, &found.factors),
+            let method = registry::method(name, &settings).unwrap();
+            match prepared.try_compute(&*method) {
+                Ok(found) => {
+                    entries.add(&truth, &found.factors);
+                    skies.add_sky(&true_sky, &sky(&prepared, &found.factors, &*method));
+                }
                 Err(FormFactorError::NotApplicable { .. }) => return None,
                 Err(error) => panic!("{name}: {error}"),
             }
         }
-        Some(coverage)
+        Some([entries, skies])
     };
     names.iter().map(of_method).collect()
 }
@@ -270,7 +287,13 @@ fn stated_errors_cover_most_entries_and_no_miss_is_certain() {
     let mut all = vec![Coverage::default(); names.len()];
     for (scene_name, scene, subdivide) in scenes().into_iter().filter(|(name, ..)| some.contains(name)) {
         for ((name, coverage), sum) in names.iter().zip(coverages(scene, subdivide, &names, 1)).zip(&mut all) {
-            let coverage = coverage.unwrap();
+            let [coverage, skies] = coverage.unwrap();
+            let [one, two] = skies.shares();
+            assert!(
+                skies.n == 0 || one >= 0.68 && two >= 0.95,
+                "sky of {scene_name} {name}: {one} {two}"
+            );
+            assert!(skies.worst < 5.0, "sky of {scene_name} {name}: {}", skies.worst);
             let ([one, two], median) = (coverage.shares(), coverage.median());
             assert!(one >= 0.68 && two >= 0.95, "{scene_name} {name}: {one} {two}");
             assert_eq!(coverage.n_certain_and_wrong, 0, "{scene_name} {name}");
@@ -300,8 +323,8 @@ fn table() {
             .collect(),
         Err(_) => names,
     };
-    let mut all = vec![Coverage::default(); names.len()];
-    let mut least = vec![[f64::INFINITY, f64::INFINITY, 0.0]; names.len()];
+    let mut all = vec![[Coverage::default(), Coverage::default()]; names.len()];
+    let mut least = vec![[[f64::INFINITY, f64::INFINITY, 0.0]; 2]; names.len()];
     for (scene_name, scene, subdivide) in scenes() {
         if only.as_ref().is_some_and(|only| only != scene_name) {
             continue;
@@ -309,25 +332,37 @@ fn table() {
         let begin = std::time::Instant::now();
         let found = coverages(scene, subdivide, &names, 2);
         for (k, coverage) in found.iter().enumerate() {
-            let Some(coverage) = coverage else { continue };
-            let ([one, two], median) = (coverage.shares(), coverage.median());
-            println!(
-                "{scene_name:26} {:14} n {:6} one {one:.3} two {two:.3} median {median:8.2} worst {:8.1} certain and wrong {}",
-                names[k], coverage.n, coverage.worst, coverage.n_certain_and_wrong
-            );
-            all[k].join(coverage);
-            least[k] = [least[k][0].min(one), least[k][1].min(two), least[k][2].max(median)];
+            for (of, own) in coverage.iter().flatten().enumerate().filter(|(_, own)| own.n > 0) {
+                let ([one, two], median) = (own.shares(), own.median());
+                println!(
+                    "{scene_name:26} {:14} {} n {:6} one {one:.3} two {two:.3} median {median:8.2} worst {:8.1} certain and wrong {}",
+                    names[k], TABLES[of], own.n, own.worst, own.n_certain_and_wrong
+                );
+                all[k][of].join(own);
+                let [least_one, least_two, greatest] = least[k][of];
+                least[k][of] = [least_one.min(one), least_two.min(two), greatest.max(median)];
+            }
         }
         println!("# {:.1} s", begin.elapsed().as_secs_f64());
     }
+    for (of, what) in TABLES.iter().enumerate() {
+        print_table(&names, what, &all, &least, of);
+    }
+}
+
+/// The things that are covered.
+const TABLES: [&str; 2] = ["entries", "sky factors"];
+
+fn print_table(names: &[&str], what: &str, all: &[[Coverage; 2]], least: &[[[f64; 3]; 2]], of: usize) {
     println!(
-        "| method | entries | within one | in the worst scene | within two | in the worst scene | median of stated / true | in the worst scene | worst true / stated |\n|---|---|---|---|---|---|---|---|---|"
+        "\n| method | {what} | within one | in the worst scene | within two | in the worst scene | median of stated / true | in the worst scene | worst true / stated |\n|---|---|---|---|---|---|---|---|---|"
     );
-    for (k, coverage) in all.iter().enumerate() {
-        let ([one, two], [least_one, least_two, median]) = (coverage.shares(), least[k]);
+    for ((name, coverage), least) in names.iter().zip(all).zip(least) {
+        let (coverage, [least_one, least_two, median]) = (&coverage[of], least[of]);
+        let [one, two] = coverage.shares();
         println!(
             "| `{}` | {} | {one:.3} | {least_one:.3} | {two:.3} | {least_two:.3} | {:.2} | {median:.2} | {:.1} |",
-            names[k],
+            name,
             coverage.n,
             coverage.median(),
             coverage.worst

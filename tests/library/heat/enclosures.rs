@@ -4,12 +4,13 @@ use std::f64::consts::PI;
 use std::fmt::Write as _;
 
 use glam::{DMat3, DVec3};
+use radiosity::audit::Law;
 use radiosity::mesh::Subdivision;
 use radiosity::scene::Scene;
 use radiosity::workflow::{Context, ExchangeNodes, FormFactorRequest, Model, SolveRequest, Use, Warning};
 use serde_json::Value;
 
-use super::{SIGMA, boundary, heat, inside, rectangle, scene, sphere, within};
+use super::{Found, SIGMA, boundary, heat, inside, rectangle, scene, sphere, within};
 
 fn power(kelvin: f64) -> f64 {
     SIGMA * kelvin.powi(4)
@@ -215,6 +216,96 @@ fn heats_that_cancel_are_right() {
          [[surface]]\nname = \"z0\"\nemissivity = 1e-3\ntemperature_k = 900.0\n";
     let found = heat(&cube, 2, text);
     within(found.surface("z0").net_heat_w, 1e-9, -1e-6, 1e-6);
+}
+
+/// Errors of the mesh hold from 4 × 4 patches a side on; 2 × 2 are told apart from one a side alone, and where that is much a warning says so.
+#[test]
+fn errors_of_the_mesh_hold_or_are_warned_of() {
+    let gap = inside([2.0, 2.0, 0.5]);
+    let room = scene(&gap[..5]);
+    let text = "[surroundings]\ntemperature_k = 250.0\n[[surface]]\nname = \"*\"\nemissivity = 0.5\nadiabatic = true\n\
+         [[surface]]\nname = \"x0\"\ntemperature_k = 600\n[[surface]]\nname = \"y1\"\nsupplied_w_m2 = 500\n";
+    let is_warned_of = |found: &Found| {
+        let warnings = found.cx.warnings();
+        warnings.iter().any(|own| matches!(own, Warning::OnePatchAFace { .. }))
+    };
+    let [two, four, fine] = [2, 4, 12].map(|cut| heat(&room, cut, text));
+    assert!(is_warned_of(&two) && !is_warned_of(&four) && !is_warned_of(&fine));
+    for (own, truth) in four.study.heat.surfaces.iter().zip(&fine.study.heat.surfaces) {
+        for (value, error, expected, slack) in [
+            (
+                own.temperature_k,
+                own.temperature_k_error,
+                truth.temperature_k,
+                truth.temperature_k_error,
+            ),
+            (
+                own.net_heat_w,
+                own.net_heat_w_error,
+                truth.net_heat_w,
+                truth.net_heat_w_error,
+            ),
+            (
+                own.irradiance_w_m2,
+                own.irradiance_w_m2_error,
+                truth.irradiance_w_m2,
+                truth.irradiance_w_m2_error,
+            ),
+        ] {
+            assert!(
+                (value - expected).abs() <= error + slack + 1e-12 * expected.abs(),
+                "{}: {value} +- {error:e}, and not {expected}",
+                own.name
+            );
+        }
+    }
+}
+
+/// What one side of a sheet gives off the other takes up, and the parts of a node exchange what is supplied, however unlike their emissivities are: to rounding, and within the stated errors.
+#[test]
+fn unlike_sides_of_one_temperature_conserve_heat() {
+    let mut both = inside([1.0; 3]);
+    let names: Vec<String> = both.iter().map(|(name, _)| format!("far {name}")).collect();
+    let far: Vec<_> = both
+        .iter()
+        .map(|(_, faces)| {
+            let moved = |face: &Vec<DVec3>| face.iter().map(|v| *v + DVec3::X).collect();
+            faces.iter().map(moved).collect::<Vec<Vec<_>>>()
+        })
+        .collect();
+    both.extend(names.iter().map(String::as_str).zip(far));
+    let both = scene(&both);
+    for [black, bright] in [[1.0, 1e-3], [0.1, 1e-6], [0.9, 1e-8], [1e-4, 1e-8]] {
+        let text = format!(
+            "[[surface]]\nname = \"*\"\nemissivity = 0.5\ntemperature_k = 300\n[[surface]]\nname = \"far *\"\ntemperature_k = 3000\n\
+             [[surface]]\nname = \"far z0\"\nemissivity = 0.9\ntemperature_k = 1000\n\
+             [[surface]]\nname = \"x1\"\nemissivity = {black}\nother_side = \"far x0\"\n[[surface]]\nname = \"far x0\"\nemissivity = {bright}\n\
+             [[surface]]\nname = \"z1\"\nemissivity = {black}\nnode = \"n\"\n[[surface]]\nname = \"far z1\"\nemissivity = {bright}\nnode = \"n\"\n\
+             [[node]]\nname = \"n\"\n"
+        );
+        let found = heat(&both, 1, &text);
+        for pair in [["x1", "far x0"], ["z1", "far z1"]] {
+            let [a, b] = pair.map(|name| found.surface(name));
+            let (sum, error) = (a.net_heat_w + b.net_heat_w, a.net_heat_w_error + b.net_heat_w_error);
+            assert!(sum.abs() <= error, "{pair:?} {black} {bright}: {sum:e} +- {error:e}");
+            assert!(
+                sum.abs() <= 1e-13 * b.net_heat_w.abs(),
+                "{pair:?} {black} {bright}: {sum:e} of {b:?}"
+            );
+        }
+    }
+}
+
+/// Nodes of patches that see the open differently: what is supplied escapes, and the checks hold, though the mixed form factors have no reciprocity.
+#[test]
+fn nodes_in_the_open_pass_the_checks() {
+    let room = scene(&inside([2.0, 2.0, 0.5])[..5]);
+    let text = "[surroundings]\ntemperature_k = 250.0\n[[surface]]\nname = \"*\"\nemissivity = 0.5\nadiabatic = true\n\
+         [[surface]]\nname = \"x0\"\ntemperature_k = 600\n[[surface]]\nname = \"?0\"\nnode = \"n\"\n[[node]]\nname = \"n\"\nsupplied_w = 50\n";
+    for node in ["z0", "*1"] {
+        let found = heat(&room, 4, &text.replace("?0", node));
+        assert!(found.cx.audit.checks.iter().any(|check| check.law == Law::Energy));
+    }
 }
 
 /// Gebhart factors: rows of 1, symmetric conductors, and the net heats of the whole solution.

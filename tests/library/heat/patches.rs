@@ -84,7 +84,10 @@ fn each_patch_has_its_own_temperature_or_heat() {
 #[test]
 fn as_many_values_as_patches_each_in_its_range() {
     let refused = |text: &str| match try_heat(&room(), PARTS, text).map(drop) {
-        Err(WorkflowError::Heat { error, .. }) => error,
+        Err(WorkflowError::Heat { line, error, .. }) => {
+            assert_eq!(line, Some(8), "{error}");
+            error
+        }
         other => panic!("{other:?}"),
     };
     for key in ["temperature_k", "supplied_w_m2"] {
@@ -101,7 +104,7 @@ fn as_many_values_as_patches_each_in_its_range() {
     }
     for (own, line, words) in [
         ("temperature_k = [300.0, -1.0]", 8, "temperature_k: -1.0 is negative"),
-        ("temperature_k = []", 8, "no number"),
+        ("temperature_k = []", 8, "or a list of one for each patch"),
         (
             "temperature_k = 1.0\nabsorptance = [0.5, 1.5]",
             9,

@@ -89,6 +89,66 @@ fn occluders_hide_what_is_behind_them() {
     }
 }
 
+/// Inside is what the backs of one piece of the surface surround: a block on a floor, with a bottom that lies on it or without one, whatever way points face, and the hollow of thick walls is not.
+#[test]
+fn insides_are_told_from_hollows() {
+    let part = |name: &'static str, low: DVec3, size: [f64; 3], n: usize, turned: bool| {
+        let faces = inside(size).into_iter().flat_map(|(_, faces)| faces).take(n);
+        let placed = faces.map(|face| {
+            let mut face: Vec<DVec3> = face.into_iter().map(|v| v + low).collect();
+            if turned {
+                face.reverse();
+            }
+            face
+        });
+        (name, placed.collect::<Vec<_>>())
+    };
+    let middle = DVec3::new(1.0, 1.0, 0.5);
+    let downwards = PointQuery {
+        position: middle,
+        normal: Some(-DVec3::Z),
+    };
+    let queries = [
+        around(middle.to_array()),
+        downwards,
+        around([1.0, 1.0, 1.5]),
+        around([3.0, 3.0, 0.1]),
+    ];
+    let statuses = |parts: &[(&str, Vec<Vec<DVec3>>)]| -> Vec<PointStatus> {
+        let text = "[[surface]]\nname = \"*\"\nemissivity = 1.0\ntemperature_k = 290\n";
+        let found = look(&scene(parts), 1, text, &queries);
+        found.iter().map(|view| view.status).collect()
+    };
+    let (inside_solid, free) = (PointStatus::InsideSolid, PointStatus::Free);
+    let room = part("room", DVec3::ZERO, [4.0; 3], 6, false);
+    let low = DVec3::new(0.5, 0.5, 0.0);
+    let block = part("block", low, [1.0; 3], 6, true);
+    assert_eq!(
+        statuses(&[room.clone(), block.clone()]),
+        [inside_solid, inside_solid, free, free]
+    );
+    // The last two of the six sides are the bottom and the top.
+    let mut bottomless = block;
+    bottomless.1.remove(4);
+    let ground = (
+        "ground",
+        vec![rectangle([-5.0, -5.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 0.0])],
+    );
+    for floor in [room.clone(), ground] {
+        assert_eq!(
+            statuses(&[floor, bottomless.clone()]),
+            [inside_solid, inside_solid, free, free]
+        );
+    }
+    // A shelf in a room of thick walls: its back is seen, and the outer walls surround every place.
+    let walls = part("walls", DVec3::splat(-0.5), [5.0; 3], 6, true);
+    let shelf = (
+        "shelf",
+        vec![rectangle([0.5, 0.5, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])],
+    );
+    assert_eq!(statuses(&[room, walls, shelf]), [free; 4]);
+}
+
 /// Both sides of a sheet are seen from their own side; inside of a solid, and on a face, the status says so.
 #[test]
 fn places_are_told() {

@@ -108,6 +108,21 @@ const MISTAKES: &[(&str, u32, &str)] = &[
         "sun.irradiance_w_m2",
     ),
     ("[sky]\nirradiance_w_m2 = 1\nup = [0, 0]\n", 3, "three numbers"),
+    (
+        "[surface]\nname = \"*\"\nemissivity = 0.5\n",
+        1,
+        "in two brackets, as in [[name]]",
+    ),
+    (
+        "[sun]\ndirection = [0, 0, 1]\nirradiance_w_m2 = [1, 2, 3]\n",
+        3,
+        "invalid type: list, expected a number",
+    ),
+    (
+        "[[surface]]\nname = \"*\"\nemissivity = []\ntemperature_k = 1\n",
+        3,
+        "expected a number, or a list of one for each patch",
+    ),
 ];
 
 #[test]
@@ -172,6 +187,7 @@ fn rooms_without_a_temperature_are_refused() {
         cold.contains("`x0` has no temperature") && cold.contains("1.000e6"),
         "{cold}"
     );
+    assert!(cold.contains("boundary.toml:7: "), "{cold}");
 }
 
 /// Rooms side by side: the one without a temperature is refused, unless a node ties it to the other.
@@ -216,4 +232,5 @@ fn sides_that_do_not_coincide_are_refused() {
         error.contains("two sides of one sheet") && error.contains("4 patches"),
         "{error}"
     );
+    assert!(error.contains("boundary.toml:6: "), "{error}");
 }

@@ -229,22 +229,24 @@ fn an_interrupted_path_goes_on() {
             Ok(())
         };
         let found = model.heat_along_sun_path(&factors, (&path, &conditions), &request, Some(&mut sink), &mut cx);
-        (found, blocks, cx.warnings())
+        (found, blocks, (cx.warnings(), cx.leaks.worst))
     };
     let (ended, first, _) = run(2);
     assert!(matches!(ended, Err(WorkflowError::Interrupted)) && first.len() == 2);
-    let (resumed, all, warnings) = run(usize::MAX);
+    let (resumed, all, (warnings, leak)) = run(usize::MAX);
     let resumed = resumed.unwrap();
     assert_eq!((resumed.n_resumed, all.len()), (128, 3));
     assert_eq!(all[..2], first[..]);
     std::fs::remove_file(&file).unwrap();
-    let (whole, others, expected) = run(usize::MAX);
+    let (whole, others, (expected, expected_leak)) = run(usize::MAX);
     assert_eq!(all, others);
     assert!(
         expected.iter().any(|one| matches!(one, Warning::LightLeak { .. })),
         "{expected:?}"
     );
     assert_eq!(warnings, expected);
+    assert!(expected_leak.is_some());
+    assert_eq!(leak, expected_leak);
     let whole = whole.unwrap();
     assert_eq!((whole.n_resumed, whole.n_passes), (0, resumed.n_passes));
     for (a, b) in whole.steps.iter().zip(&resumed.steps) {
@@ -317,6 +319,11 @@ fn tables_are_read_or_refused_with_their_line() {
         ("time,x,y,irradiance\n0,0,0,1\n".into(), 1, "latitude"),
         ("time,x,y,z,latitude,longitude,irradiance\n".into(), 1, "latitude"),
         ("time,x,y,z,irradiance\n".into(), 1, "no rows"),
+        (
+            "time,x,y,z,irradiance,X\n0,0,0,1,5,1\n".into(),
+            1,
+            "two columns are called `X`",
+        ),
         (format!("{head}1,0,0,0,5\n"), 3, "direction: zero"),
         (format!("{head}1,0,0,1,-5\n"), 3, "irradiance: -5"),
         (format!("{head}1,0,0,1,nan\n"), 3, "no finite number"),
