@@ -41,12 +41,12 @@ impl Plate {
 }
 
 impl Ball {
-    /// Tells whether two balls come nearer to each other than `gap`.
+    /// Returns whether two balls come nearer to each other than `gap`.
     pub(super) fn is_near(&self, other: &Self, gap: f64) -> bool {
         self.middle.distance(other.middle) <= self.radius + other.radius + gap
     }
 
-    /// Tells whether a half-line comes nearer to the ball than `gap`; `direction` is a unit vector.
+    /// Returns whether a half-line comes nearer to the ball than `gap`; `direction` is a unit vector.
     pub(super) fn is_met(&self, start: DVec3, direction: DVec3, gap: f64) -> bool {
         let towards = self.middle - start;
         let along = towards.dot(direction).max(0.0);
