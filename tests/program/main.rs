@@ -12,6 +12,7 @@ mod files_out;
 mod form_factors;
 mod heat;
 mod input;
+mod manual;
 mod messages;
 mod pages;
 mod pictures;
