@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use clap::{Arg, Command, CommandFactory as _};
 use radiosity::cli::args::Cli;
 
-use super::{cell, code};
+use super::{cell, code, pages, read};
 
 /// One flag with all commands in which it is the same.
 struct Row {
@@ -129,4 +129,35 @@ fn the_page_has_every_command_and_no_row_twice() {
     once.dedup();
     assert_eq!(once.len(), rows.len());
     assert!(rows.len() > 80, "{}", rows.len());
+}
+
+/// Returns the flags in a text that is code.
+fn flags_in(text: &str) -> impl Iterator<Item = &str> {
+    let words = text.split(|c: char| !(c.is_ascii_alphanumeric() || c == '-'));
+    words.filter(|word| word.starts_with("--") && word.len() > 2)
+}
+
+#[test]
+fn every_flag_that_a_page_names_exists() {
+    let mut program = Cli::command();
+    program.build();
+    let known: Vec<String> = program
+        .get_subcommands()
+        .flat_map(Command::get_arguments)
+        .filter_map(|argument| argument.get_long().map(|name| format!("--{name}")))
+        .collect();
+    let mut n_flags = 0;
+    // CONTRIBUTING.md shows how a flag is added.
+    for path in pages().into_iter().filter(|path| !path.ends_with("CONTRIBUTING.md")) {
+        let text = read(&path);
+        // Lines of commands, and code that begins with a flag: other programs have flags of their own.
+        let commands = text.lines().filter(|line| line.starts_with("radiosity "));
+        let inline = text.split('`').skip(1).step_by(2).filter(|code| code.starts_with("--"));
+        for flag in commands.chain(inline).flat_map(flags_in) {
+            n_flags += 1;
+            assert!(known.iter().any(|name| name == flag), "{}: {flag}", path.display());
+        }
+    }
+    assert!(n_flags > 150, "{n_flags}");
+    assert!(flags_in("radiosity a --b-c=1 -d --").eq(["--b-c"]));
 }

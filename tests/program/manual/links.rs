@@ -5,7 +5,7 @@ use std::path::{Component, Path, PathBuf};
 
 use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd};
 
-use super::{in_repository, read};
+use super::{in_repository, markdown, pages, read};
 
 /// The links of a page, and the anchors of its headings.
 struct Page {
@@ -48,16 +48,6 @@ fn page(text: &str) -> Page {
         }
     }
     Page { links, anchors }
-}
-
-/// Returns the Markdown files of a directory of the repository.
-fn markdown(directory: &str) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(in_repository(directory)).unwrap();
-    let names = entries.map(|entry| entry.unwrap().file_name());
-    let mut pages: Vec<PathBuf> = names.map(|name| Path::new(directory).join(name)).collect();
-    pages.retain(|path| path.extension().is_some_and(|suffix| suffix == "md"));
-    pages.sort();
-    pages
 }
 
 /// Returns where a link of a page leads, without `.` and `..`.
@@ -103,9 +93,8 @@ fn defects(path: &Path) -> Vec<String> {
 
 #[test]
 fn every_link_leads_somewhere() {
-    let mut pages = vec![PathBuf::from("python/README.md")];
-    pages.extend(markdown(""));
-    pages.extend(markdown("docs"));
+    let mut pages = pages();
+    pages.push(PathBuf::from("python/README.md"));
     for scene in std::fs::read_dir(in_repository("scenes")).unwrap() {
         pages.extend(markdown(&format!("scenes/{}", scene.unwrap().file_name().display())));
     }

@@ -27,6 +27,23 @@ fn read(path: impl AsRef<Path>) -> String {
     std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
+/// Returns the Markdown files of a directory of the repository.
+fn markdown(directory: &str) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(in_repository(directory)).unwrap();
+    let names = entries.map(|entry| entry.unwrap().file_name());
+    let mut pages: Vec<PathBuf> = names.map(|name| Path::new(directory).join(name)).collect();
+    pages.retain(|path| path.extension().is_some_and(|suffix| suffix == "md"));
+    pages.sort();
+    pages
+}
+
+/// Returns the pages of the top level and of the manual.
+fn pages() -> Vec<PathBuf> {
+    let mut pages = markdown("");
+    pages.extend(markdown("docs"));
+    pages
+}
+
 /// Returns a text as the cell of a Markdown table: on one line, `<` as a character but in code.
 fn cell(text: &str) -> String {
     let words: Vec<&str> = text.split_whitespace().collect();
