@@ -239,7 +239,7 @@ impl Checkpoint {
     /// Removes the file: the work is done.
     ///
     /// # Errors
-    /// Those of the file system.
+    /// Errors of the file system.
     pub fn remove(self) -> Result<(), CheckpointError> {
         std::fs::remove_file(&self.path).map_err(|source| CheckpointError::Io {
             path: self.path.clone(),

@@ -10,7 +10,7 @@ pub(crate) const DESCRIPTION_LIMIT: u64 = 64 << 20;
 /// Opens a file to read.
 ///
 /// # Errors
-/// Those of the file system, with their remedy; a directory; a device, which may have no end.
+/// Errors of the file system, with their remedy; a directory; a device, which may have no end.
 pub(crate) fn open(path: &Path) -> io::Result<File> {
     let file = File::open(path).map_err(|error| told(&error))?;
     let found = file.metadata().map_err(|error| told(&error))?;
@@ -32,7 +32,7 @@ pub(crate) fn open(path: &Path) -> io::Result<File> {
 /// Refuses what is no plain file, before it is opened: a pipe that nobody writes to would be waited for. For files that the user did not name, but a scene, a list of frames or another file.
 ///
 /// # Errors
-/// Those of the file system, with their remedy; all but a plain file.
+/// Errors of the file system, with their remedy; all but a plain file.
 pub(crate) fn expect_plain(path: &Path) -> io::Result<()> {
     let found = std::fs::metadata(path).map_err(|error| told(&error))?;
     if found.is_file() {
@@ -49,7 +49,7 @@ pub(crate) fn expect_plain(path: &Path) -> io::Result<()> {
 /// to it once it is closed.
 ///
 /// # Errors
-/// Those of the file system, with their remedy.
+/// Errors of the file system, with their remedy.
 pub(crate) fn open_to_look(path: &Path) -> io::Result<Option<File>> {
     let found = std::fs::metadata(path).map_err(|error| told(&error))?;
     if found.is_file() {
@@ -62,7 +62,7 @@ pub(crate) fn open_to_look(path: &Path) -> io::Result<Option<File>> {
 /// Reads a whole file of at most `limit` bytes.
 ///
 /// # Errors
-/// Those of [`open`] and of the file system; a longer file.
+/// Errors of [`open`] and of the file system; a longer file.
 pub(crate) fn read(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     let file = open(path)?;
     let too_long = || {

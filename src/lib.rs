@@ -1,4 +1,4 @@
-//! Light in diffuse scenes, as exactly as numbers allow, with an honest account of the error against the run time.
+//! View factors and radiosity for diffuse scenes, with an error stated for every number.
 //!
 //! A scene of flat faces goes in; form factors, radiosities and pictures come out:
 //!

@@ -1,4 +1,4 @@
-//! What a scene needs, what can be left out, and why: decided before the work starts, printed by `--explain`.
+//! The plan of the work for a scene: the steps, those left out, and the reasons. `--explain` prints it.
 
 mod storage;
 mod voxels;
@@ -14,22 +14,22 @@ use serde::Serialize;
 use crate::scene::topology::{self, Enclosure};
 use crate::scene::{FaceId, Scene};
 
-/// What is left out where nothing is coloured.
+/// The work left out where nothing is coloured.
 const GREY: &str = "two of three channels: every material is grey";
 
 /// One decision with its reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct Decision {
-    /// What was decided on.
+    /// The question.
     pub subject: &'static str,
-    /// What was chosen.
+    /// The choice.
     pub choice: String,
     /// Why.
     pub reason: String,
 }
 
-/// What a scene needs.
+/// The plan of the work for a scene.
 #[derive(Clone, Debug, Serialize)]
 pub struct Plan {
     /// 1 where every material is grey, else 3.
@@ -42,7 +42,7 @@ pub struct Plan {
     pub turned: Vec<FaceId>,
     /// The decisions, in the order in which they were made.
     pub decisions: Vec<Decision>,
-    /// What is not done because this scene does not need it.
+    /// The work that this scene does not need.
     pub left_out: Vec<String>,
 }
 

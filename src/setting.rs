@@ -13,7 +13,7 @@ use serde::{Serialize, Serializer};
 pub struct Setting {
     /// The name in files of results, in snake case; a flag of the command line has `-` for `_`.
     pub name: &'static str,
-    /// What it sets, in a few words.
+    /// Its help, in a few words.
     pub help: &'static str,
     /// The letter that stands for its value in help.
     pub letter: &'static str,
@@ -110,7 +110,7 @@ impl Setting {
         }
     }
 
-    /// Tells whether a value is one of the setting's.
+    /// Returns whether a value is one of the setting's.
     fn has(&self, value: Value) -> bool {
         match (self.kind, value) {
             (Kind::Flag, Value::Flag(_)) | (Kind::Number, Value::Number(_)) => true,
@@ -291,7 +291,7 @@ impl Values {
         self.0.get(setting.name).map(|(_, value)| *value)
     }
 
-    /// Tells whether a flag is on.
+    /// Returns whether a flag is on.
     #[must_use]
     pub fn is_on(&self, setting: &Setting) -> bool {
         self.get(setting) == Some(Value::Flag(true))

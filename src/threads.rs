@@ -7,21 +7,20 @@ use rayon::prelude::*;
 /// They take some 10 to 40 µs; a thread that sleeps takes about as long to begin, and may find its core busy.
 pub(crate) const TERMS_PER_THREAD: usize = 1 << 17;
 
-/// Tells whether so many multiplications are worth more than one thread. It depends on the problem alone, never on the machine.
+/// Returns whether so many multiplications are worth more than one thread. It depends on the problem alone, never on the machine.
 pub(crate) fn pay(n_terms: usize) -> bool {
     n_terms >= 2 * TERMS_PER_THREAD
 }
 
 /// Bytes of a matrix from which another thread is worth waking for a pass: smaller ones stay in the cache of one core, from which it takes them in a hundred microseconds or less.
 ///
-/// Solvers leave the other threads without work between passes, so that these sleep: waking them and waiting for them takes some 50 µs (measured in `gmres` and `pcg` on two cores, in one channel and in three:
-/// symmetric matrices of 0.6 to 1.6 MB took 1.06 to 1.7 of the time of one thread, those of 2.4 to 4.2 MB 0.6 to 0.95; in full 1.2 to 1.6 MB 1.3, and 2.1 MB 0.6 and 1.08).
+/// Between passes of a solver the other threads sleep; waking them takes tens of microseconds. Times: `docs/performance.md`.
 const CACHED_BYTE: usize = 2 << 20;
 
 /// Multiplications for which another thread is worth waking whatever the size of the matrix.
 const PASS_TERMS: usize = 1 << 21;
 
-/// Tells whether a pass over a matrix of so many bytes, with so many multiplications, is worth more than one thread. It depends on the problem alone, never on the machine.
+/// Returns whether a pass over a matrix of so many bytes, with so many multiplications, is worth more than one thread. It depends on the problem alone, never on the machine.
 pub(crate) fn pay_for_pass(n_terms: usize, n_byte: usize) -> bool {
     n_byte >= CACHED_BYTE || n_terms >= PASS_TERMS
 }

@@ -1,4 +1,4 @@
-//! What form factors have to obey.
+//! Conservation checks of form factors.
 
 use std::ops::Range;
 
@@ -26,7 +26,7 @@ const UNKNOWN: f64 = 0.1;
 /// less than once in 10^8 rows.
 const MAX_SLIPPED: u64 = 2;
 
-/// What form factors claim about themselves beside their errors.
+/// The claims of form factors beside their errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Claims<'a> {
     /// The rows that sum to 1.
@@ -37,14 +37,14 @@ pub struct Claims<'a> {
     pub reciprocity: Reciprocity,
     /// True if the entries have errors and the rows their tallies; else what rests on them is not checked.
     pub errors_known: bool,
-    /// What a repair did to the row sums.
+    /// The effect of a repair on the row sums.
     pub repair: Repair,
     /// True if errors are those of a rule of quadrature, which nothing keeps from giving a pair or a row more than all light
     /// (see [`FormFactorMethod::errs_by_rule`](crate::form_factor::FormFactorMethod::errs_by_rule)).
     pub by_rule: bool,
 }
 
-/// What a repair did to the row sums.
+/// The effect of a repair on the row sums.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Repair {
     /// There was none.
@@ -57,7 +57,7 @@ pub enum Repair {
     GaveUp,
 }
 
-/// What was found about form factors.
+/// The result of an audit of form factors.
 #[derive(Clone, Debug)]
 pub struct FormFactorAudit {
     /// The laws.

@@ -77,8 +77,8 @@ impl Law {
             Self::RowSum => "row sums are at most 1",
             Self::Finite => "radiosities are finite and not negative",
             Self::Irradiance => "irradiances are those of the radiosities",
-            Self::Residual => "the residual is what the solver says",
-            Self::Energy => "what is emitted is absorbed or escapes",
+            Self::Residual => "the residual is as the solver reports",
+            Self::Energy => "emitted power is absorbed or escapes",
             Self::LeastRadiosity => "no patch is darker than the darkest furnace",
             Self::GreatestRadiosity => "no patch is brighter than the brightest furnace",
             Self::Sides => "no light passes closed surfaces",
@@ -163,7 +163,7 @@ pub struct NotChecked {
     pub reason: String,
 }
 
-/// What an audit found.
+/// The result of an audit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Audit {
     /// The laws that were checked.
@@ -173,7 +173,7 @@ pub struct Audit {
 }
 
 impl Audit {
-    /// Tells whether no law is broken.
+    /// Returns whether no law is broken.
     #[must_use]
     pub fn passed(&self) -> bool {
         self.checks.iter().all(|check| check.passed)

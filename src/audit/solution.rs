@@ -1,11 +1,11 @@
-//! What solutions have to obey.
+//! Conservation checks of solutions.
 
 use super::{At, Audit, Law, Worst};
 use crate::matrix::operator::Block;
 use crate::matrix::roundings;
 use crate::solver::{RadiositySystem, Solution, SolverError};
 
-/// What is known beside a system and its solution.
+/// The input of an audit beside a system and its solution.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Given<'a> {
     /// The power that form factors without reciprocity make, m²; see [`FormFactorAudit::gain`](super::FormFactorAudit::gain). `None` where it is not known.

@@ -27,14 +27,14 @@ pub(super) fn describe_checks(text: &mut String, computed: &FormFactorStudy) {
     if checks.n_rays > 0 {
         let _ = writeln!(
             text,
-            "{} rays, {} escaped, {} met the back of a face",
+            "{} rays, {} left the scene, {} hit back faces",
             checks.n_rays, checks.n_escaped, checks.n_absorbed
         );
     }
     if let Some(pairs) = computed.pairs {
         let _ = writeln!(
             text,
-            "{} pairs face each other: {} see each other whole, {} in part{}, {} not at all; {} rays between them",
+            "{} facing pairs: {} fully visible, {} partially visible{}, {} hidden; {} rays traced between them",
             pairs.full + pairs.partial + pairs.hidden,
             pairs.full,
             pairs.partial,

@@ -21,7 +21,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     let sweeps = sweeps(&args.methods)?;
     if args.memory.storage == Storage::Symmetric {
         return Err(Failure::usage(
-            "form factors are compared as the methods give them, and --storage symmetric would average and balance those that are not symmetric; use auto, dense, sparse or disk",
+            "methods are compared without repairs, and --storage symmetric would average and balance their form factors; use auto, dense, sparse or disk",
         ));
     }
     let name = args

@@ -148,7 +148,7 @@ impl From<VoxelError> for Failure {
                 Self::new("link_file", error.to_string()).in_file(path)
             }
             VoxelError::Interrupted => Self {
-                message: "the links that were found are kept, and the same command goes on from there".to_owned(),
+                message: "the finished links are stored; the same command continues from them".to_owned(),
                 ..Self::interrupted()
             },
             VoxelError::TooMany { .. } => Self::new("voxel", error.to_string()),

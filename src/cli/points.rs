@@ -66,7 +66,7 @@ fn work(args: &PointsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     } = found;
     if n_on_face + n_inside > 0 {
         run.warn(&format!(
-            "{} on faces and {n_inside} inside of solids: their numbers mean little; `status` names them, move them into the open",
+            "{} on faces and {n_inside} inside solids have no meaningful result; `status` marks them; move them into the open",
             counted(n_on_face, "point")
         ));
     }

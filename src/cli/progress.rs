@@ -29,7 +29,7 @@ pub(super) struct Bars {
     _lines: Option<Sender<()>>,
 }
 
-/// What is being done.
+/// The current stage.
 struct Stage {
     name: String,
     bar: ProgressBar,

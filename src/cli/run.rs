@@ -162,7 +162,7 @@ impl Run {
         self.bars.finish();
         let kept = match self.cx.checkpoint() {
             Some(checkpoint) => format!(
-                "{} pieces of the work are in {}, and the same command goes on from there",
+                "{} finished parts are in {}; the same command continues from them",
                 checkpoint.n_pieces(),
                 checkpoint.path().display()
             ),
@@ -190,7 +190,7 @@ impl Run {
             0 => writeln!(text, "conservation checks: {n} hold"),
             _ => writeln!(
                 text,
-                "conservation checks: {n_broken} of {n} FAIL; the warnings say which"
+                "conservation checks: {n_broken} of {n} FAIL; the warnings name them"
             ),
         };
     }

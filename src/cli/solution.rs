@@ -32,13 +32,13 @@ pub(super) fn solver_line(asked: &str, solution: &Solution, stated: TotalError) 
         .map_or("unknown".to_owned(), |bound| format!("{bound:.1e}"));
     let with_factors = match stated {
         TotalError::Relative(error) => {
-            format!(", with the form factors' own errors about {error:.1e}, the mesh's aside")
+            format!(", with form-factor errors about {error:.1e} (mesh excluded)")
         }
-        TotalError::TooGreat => ", with the form factors' own errors unknown: they are not exact enough".to_owned(),
+        TotalError::TooGreat => ", with form-factor errors unknown: they are too inexact".to_owned(),
         TotalError::Untold => String::new(),
     };
     format!(
-        "{}: {} after {}, relative residual {:.1e}, bound on the relative error {bound}{with_factors}",
+        "{}: {} after {}, relative residual {:.1e}, error bound {bound}{with_factors}",
         solution.solver_name(asked),
         solution.stop_reason,
         counted(solution.n_passes, "pass"),
@@ -52,7 +52,7 @@ pub(super) fn describe(text: &mut String, model: &Model, solver: &str, study: &S
     if solver == NO_SOLVER {
         let _ = writeln!(
             text,
-            "nothing reflects: the radiosity is the exitance, and no form factor is needed"
+            "no surface reflects: the radiosity is the exitance, and no form factor is needed"
         );
     } else {
         let _ = writeln!(text, "{}", solver_line(solver, solution, study.error));
@@ -85,7 +85,7 @@ pub(super) fn describe_mesh_error(text: &mut String, mesh_error: &MeshError) {
     let surface = printable(surface);
     let _ = writeln!(
         text,
-        "mesh: {n_patches} patches instead would change the mean radiosity of a surface by up to {surface_mean_max:.1e} of itself (`{surface}`), \
-         that of a patch by {patches_rms:.1e} of what is reflected (root mean square)"
+        "mesh: with {n_patches} patches, surface means would change by up to {surface_mean_max:.1e} of themselves (`{surface}`), \
+         patches by {patches_rms:.1e} of the reflected radiosity (rms)"
     );
 }

@@ -143,7 +143,7 @@ impl OnPath<'_> {
         if let TotalError::Relative(error) = study.error {
             let _ = write!(
                 text,
-                ", relative error of a time at most about {error:.1e}, the mesh's aside"
+                ", largest relative error of a time about {error:.1e} (mesh excluded)"
             );
         }
         if study.n_resumed > 0 {

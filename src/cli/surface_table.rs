@@ -38,7 +38,7 @@ pub(super) fn describe_surfaces(text: &mut String, model: &Model, computed: &For
     let width = name_width(names.iter().copied());
     let _ = writeln!(
         text,
-        "\nform factors from row to column, what no face receives (lost) and what of it escapes (sky), and the greatest estimated error of each row"
+        "\nform factors from row to column; lost: 1 - row sum, sky: the part of it that leaves the scene; error: the largest of the row"
     );
     let column = heads_width(&names);
     let _ = write!(text, "{:width$}", "");

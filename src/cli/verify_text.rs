@@ -24,7 +24,7 @@ pub(super) fn describe(report: &VerifyReport) -> String {
     if report.n_drawn > 0 {
         let _ = writeln!(
             text,
-            "{} of them see a part of an emitter by the picture's own shadow rays, which were drawn again",
+            "{} of them see part of an emitter, by the image's own shadow rays, which were traced again",
             report.n_drawn
         );
     }
@@ -92,19 +92,17 @@ pub(super) fn describe(report: &VerifyReport) -> String {
     let outcome = match report.passed {
         true if report.complete => "passed".to_owned(),
         true => format!(
-            "passed in part: {} of {} pixels could not be checked, and of these nothing is shown",
+            "passed in part: {} of {} pixels could not be checked",
             report.n_not_checkable, report.n_pixels
         ),
-        false if report.n_checked == 0 => {
-            "failed: no pixel could be compared, so that nothing is shown to be right".to_owned()
-        }
+        false if report.n_checked == 0 => "failed: no pixel could be compared".to_owned(),
         false => "failed".to_owned(),
     };
     let _ = writeln!(text, "\n{outcome}");
     text
 }
 
-/// Says what is wrong beside single pixels and walls.
+/// Describes faults beside single pixels and walls.
 fn describe_faults(text: &mut String, report: &VerifyReport) {
     if report.n_strips_outside > 0 {
         let _ = writeln!(
@@ -125,7 +123,7 @@ fn describe_faults(text: &mut String, report: &VerifyReport) {
     }
 }
 
-/// Says of each layer how it was checked.
+/// Describes how each layer was checked.
 fn describe_layers(text: &mut String, layers: &[LayerReport]) {
     let kinds = [
         (LayerCheck::ClosedForm, "against the closed form"),

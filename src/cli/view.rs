@@ -70,7 +70,7 @@ pub(super) fn samples(view: &ViewArgs, is_unfolded: bool) -> NonZeroU32 {
     asked.unwrap_or(RenderSettings::default_samples(is_unfolded))
 }
 
-/// Says which camera made a picture, in the text and the settings of the document; after the picture is written, as a picture names no files.
+/// Adds the camera of an image to the text and the settings of the document; after the picture is written, as a picture names no files.
 pub(super) fn tell_camera(view: &ImageView, run: &mut Run, text: &mut String) {
     let camera = view.camera_text(&flag);
     let _ = writeln!(text, "camera: {camera}");

@@ -47,7 +47,7 @@ pub(super) fn describe(text: &mut String, request: &VoxelRequest, study: &VoxelS
     let _ = writeln!(text, "{}", light_line(request, study));
 }
 
-/// Says how thin walls are, if any are thinner than two voxels.
+/// Describes walls that are thinner than two voxels.
 fn describe_walls(text: &mut String, voxels: &VoxelScene) {
     if let Some(wall) = voxels.thin_walls.first() {
         let _ = writeln!(

@@ -45,7 +45,7 @@ pub struct FormFactorRecord {
 #[derive(Clone, Copy, Debug, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct StorageRecord {
-    /// Which places of a tile are stored.
+    /// The stored places of a tile.
     pub layout: Layout,
     /// The digits.
     pub precision: Precision,

@@ -104,7 +104,7 @@ pub enum VoxelLightRecord {
     },
     /// By propagations between voxels.
     Propagations {
-        /// What each computes from.
+        /// The input of each propagation.
         form: Form,
         /// How many there are.
         n_passes: usize,

@@ -1,4 +1,4 @@
-//! What can go wrong with Embree.
+//! Errors of Embree.
 
 use std::ffi::CStr;
 
@@ -30,7 +30,7 @@ pub enum EmbreeError {
     },
     /// There is not enough memory for the scene.
     #[error(
-        "the ray tracer (Embree) is out of memory: {message}; raise the limit of the process (`ulimit -v`), free memory, or split the scene into fewer faces at a time"
+        "the ray tracer (Embree) is out of memory: {message}; raise the limit of the process (`ulimit -v`), free memory, or split the scene"
     )]
     OutOfMemory {
         /// Embree's words.
@@ -47,7 +47,7 @@ pub enum EmbreeError {
     /// There are more faces, vertices or triangles than 31 bits can count.
     #[error("{n} {what} are too many: at most {limit} can be told apart")]
     TooMany {
-        /// What there is too much of.
+        /// The things of which there are too many.
         what: &'static str,
         /// The number (of a face: its id plus one).
         n: u64,
@@ -74,7 +74,7 @@ pub enum EmbreeError {
     },
     /// The scene is so small or so large that products of its coordinates leave the range of f32.
     #[error(
-        "the largest distance of a vertex from the scene's centre, along an axis, is {largest:e} m, and rays need 1e-30 m to 1e30 m; scale the scene, or move what lies far out"
+        "a vertex lies {largest:e} m from the scene's centre along an axis, and rays require 1e-30 m to 1e30 m; scale the scene, or move distant vertices"
     )]
     ExtentOutOfRange {
         /// The largest absolute coordinate after centring, in m.

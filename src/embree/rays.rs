@@ -46,7 +46,7 @@ impl CommittedScene {
         }
     }
 
-    /// Tells for each ray whether any face lies between its origin and its end.
+    /// Returns for each ray whether any face lies between its origin and its end.
     ///
     /// A ray with a coordinate that is not finite is not blocked.
     ///

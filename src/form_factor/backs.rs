@@ -30,7 +30,7 @@ const MAX_WORK_IN_ALL: usize = 1 << 18;
 const TOLERANCE: f64 = 1e-5;
 const BUDGET: usize = 20_000;
 
-/// What rounding leaves of a pair that is hidden after all, as a part of the smaller area.
+/// The remainder of a hidden pair by rounding, as a part of the smaller area.
 const NOISE: f64 = 1e-15;
 
 /// Rays that take the place of pairs, for all patches together, and the least and the most for each.

@@ -180,7 +180,7 @@ fn probed(input: Input<'_>) -> Result<Vec<Probe>, Leak> {
     })
 }
 
-/// Tells of each patch whether all of its light arrives at fronts, so that its row sums to 1, \[n\].
+/// Returns for each patch whether all of its light arrives at fronts, so that its row sums to 1, \[n\].
 ///
 /// Its front is to lie in a region that closed pieces of surface bound, as their winding numbers around it tell, and where no patch has its back: a room, but not
 /// the open space around it, nor one with a block in it that is wound inwards. Where faces of other pieces reach a patch inside of its border, such as a wall that stands on it, the winding numbers of these

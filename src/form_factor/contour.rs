@@ -67,7 +67,7 @@ impl FormFactorMethod for ContourIntegral {
     }
 }
 
-/// Computes what `unoccluded` says of each pair times the visible fraction of q × q stratified points on both patches.
+/// Computes the value of `unoccluded` for each pair times the visible fraction of q × q stratified points on both patches.
 pub(super) fn times_visible(
     points: NonZeroUsize,
     seed: u64,

@@ -1,4 +1,4 @@
-//! What a method says of itself to the registry.
+//! The entry of a method in the registry.
 
 use super::FormFactorMethod;
 use super::settings::MethodSettings;
@@ -9,7 +9,7 @@ use crate::setting::Use;
 pub struct MethodEntry {
     /// The name on the command line.
     pub name: &'static str,
-    /// What it does, in a few words.
+    /// A description in a few words.
     pub summary: &'static str,
     /// The settings that it uses.
     pub settings: &'static [Use],

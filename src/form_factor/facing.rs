@@ -61,7 +61,7 @@ impl Facing {
             .collect()
     }
 
-    /// Tells whether part of each patch lies in front of the other's plane.
+    /// Returns whether part of each patch lies in front of the other's plane.
     ///
     /// A corner counts as in front from 1e-14 of its distance and the patch's size on: below that, rounding decides the sign, and
     /// patches of one plane must be told from patches that meet at an edge. A billionth of the size of the patch that it is a corner of is enough, however large the other is.
@@ -69,7 +69,7 @@ impl Facing {
         self.sees(i, j) && self.sees(j, i)
     }
 
-    /// Tells whether any patch of one flat range may see any of another, and the reverse.
+    /// Returns whether any patch of one flat range may see any of another, and the reverse.
     pub(super) fn any(&self, from: Range<usize>, to: Range<usize>) -> bool {
         let sees = |i: usize, mut others: Range<usize>| others.any(|j| self.sees(i, j));
         sees(from.start, to.clone()) && sees(to.start, from)
@@ -80,7 +80,7 @@ impl Facing {
         self.normals[i]
     }
 
-    /// Tells for each of `others` whether some of it lies in front of every patch of a flat range, or nothing of it in front of any; `None` where that
+    /// Returns for each of `others` whether some of it lies in front of every patch of a flat range, or nothing of it in front of any; `None` where that
     /// is not certain, and pairs are to be looked at.
     pub(super) fn in_front(&self, of: Range<usize>, others: Range<usize>) -> Vec<Option<bool>> {
         let (origin, normal) = (self.corners[of.start][0], self.normals[of.start]);
@@ -106,7 +106,7 @@ impl Facing {
         sides.collect()
     }
 
-    /// Tells whether all of patch j lies in front of the plane of patch i, or on it.
+    /// Returns whether all of patch j lies in front of the plane of patch i, or on it.
     pub(super) fn is_in_front(&self, i: usize, j: usize) -> bool {
         let (origin, normal) = (self.corners[i][0], self.normals[i]);
         let slack = 1e-9 * self.sizes[j];

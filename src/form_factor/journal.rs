@@ -36,7 +36,7 @@ pub(super) struct Journal<'a> {
     piece: u64,
     /// False before the first piece.
     begun: bool,
-    /// What an earlier run left of the piece.
+    /// The part of the piece that an earlier run finished.
     found: HashMap<u64, Record>,
     /// The number of the next record, and what is to be in it.
     pending: Mutex<(u64, Vec<(u64, Record)>)>,

@@ -206,7 +206,7 @@ impl fmt::Display for RoundingDoubt {
         };
         write!(
             f,
-            "{} are in doubt above the tolerance, by up to {:.1e}, as {cause}; give coordinates with more digits or nearer to the origin",
+            "the stated error of {} is above the tolerance, up to {:.1e}, because {cause}; give coordinates with more digits or nearer to the origin",
             counted(n, "pair"),
             self.error_max
         )

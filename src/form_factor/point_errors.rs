@@ -17,7 +17,7 @@ pub(super) struct Found {
 
 /// Estimates errors of rows that stand on a few points.
 ///
-/// Where nothing comes between two patches the closed form tells the error, to two digits. Where something may, n points of the patch say so
+/// Without an occluder the closed form gives the error, to two digits. Where something may, n points of the patch say so
 /// little of the border of a shadow on it that sqrt(2/((n + 2)(n + 3))) of the form factor is not known even where all of them agree, 0.41 from one point, however many
 /// rays each of them shoots; where they see a fraction v, sqrt(v(1 − v)/n) comes to it. Patches that are known to be hidden from each other have no error, found or not.
 pub(super) struct PointErrors<'a> {

@@ -7,13 +7,13 @@ use crate::geometry::sampling::{Frame, PointStream, Sequence, UniformOnPolygon, 
 use crate::mesh::PatchId;
 use crate::visibility::{Coherence, HitBatch, RayBatch};
 
-/// What became of the rays of a patch.
+/// The fate of the rays of a patch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Probe {
     pub(super) n_rays: u64,
-    /// Those that hit nothing.
+    /// Rays that hit nothing.
     pub(super) n_escaped: u64,
-    /// Those that hit a back.
+    /// Rays that hit a back face.
     pub(super) n_absorbed: u64,
     /// Where the first that hit nothing leaves the box around the scene, m.
     pub(super) exit: DVec3,

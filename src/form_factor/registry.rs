@@ -80,19 +80,19 @@ impl MethodEntry {
         (self.make)(resolved).unwrap_or_else(|| panic!("`{}` reads a setting that it does not list", self.name))
     }
 
-    /// Tells whether the method uses a setting.
+    /// Returns whether the method uses a setting.
     #[must_use]
     pub fn uses(&self, setting: &Setting) -> bool {
         self.settings.iter().any(|used| used.setting.name == setting.name)
     }
 
-    /// Tells whether the method computes whole rows; the others compute pairs, each once.
+    /// Returns whether the method computes whole rows; the others compute pairs, each once.
     #[must_use]
     pub fn by_rows(&self) -> bool {
         self.work != Work::Pairs
     }
 
-    /// Tells whether the method shoots rays from patches, so that [`RAYS`](super::RAYS) is a number for each patch.
+    /// Returns whether the method shoots rays from patches, so that [`RAYS`](super::RAYS) is a number for each patch.
     #[must_use]
     pub fn shoots(&self) -> bool {
         self.work == Work::RowsOfRays

@@ -54,7 +54,7 @@ impl Vertex {
     }
 }
 
-/// Where the shares of both areas that are in the border come to this, a first order says nothing.
+/// Where the shares of both areas that are in the border come to this, a first order is meaningless.
 const KNOWN: f64 = 2.0;
 
 /// Where they come to this, it does not tell any more what occluders hide.
@@ -198,7 +198,7 @@ struct Side {
 }
 
 impl Side {
-    /// Tells whether light in a direction passes the face from its back to its front for certain.
+    /// Returns whether light in a direction passes the face from its back to its front for certain.
     fn is_met_by(&self, flux: DVec3) -> bool {
         self.normal.dot(flux) > self.lean * flux.length()
     }

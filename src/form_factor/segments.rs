@@ -161,7 +161,7 @@ impl<'a> Segments<'a> {
         self.sights[owner] != Sight::Unknown
     }
 
-    /// Tells whether the pair numbered `owner` has a segment with a weight.
+    /// Returns whether the pair numbered `owner` has a segment with a weight.
     pub(super) fn has_segment(&self, owner: usize) -> bool {
         self.sums[owner].all > 0.0
     }

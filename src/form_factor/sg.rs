@@ -24,7 +24,7 @@ use crate::progress::Progress;
 /// where j touches or is hidden from a part of i.
 /// Error of an entry: the noise, by Laplace's rule as points differ in weight, with k^(−1/8) for the k hits of a point's rays where these are of a sequence, plus an estimate of the rule's own error. From 3 points a side on that is how far the rules through
 /// every other line of points (along either side of the patch) are from it, less twice the noise of that; of patches near each other or behind each other's planes also how far the rule is from the factor without occluders, as far as they
-/// are visible: where the points miss an edge between them, that alone tells it. An entry that no ray
+/// are visible: where the points miss an edge between them, that alone shows it. An entry that no ray
 /// hit states, up to the factor without occluders, 1.5 / N and what the points see too little of that, with sqrt(2/((n + 2)(n + 3))) of it for the part that n = q² points may all miss. From 1 and 2, where there is
 /// no such rule: that of [`Hemicube`](super::Hemicube), of patches that no ray hit too, for the price of a closed form for each pair.
 /// Source: Baranoski, Bramley and Shirley 1995, appendix A. Departures: the directions come from a Sobol sequence by default;
@@ -156,7 +156,7 @@ impl GaussShooting {
     }
 }
 
-/// What tells the errors of the rule that rays start from, beside the rules through every other line.
+/// The estimate of the errors of the rule that rays start from, beside the rules through every other line.
 enum RuleErrors<'a> {
     /// Rows are not stored.
     Unasked,
@@ -166,7 +166,7 @@ enum RuleErrors<'a> {
     OfFew(&'a PointErrors<'a>),
 }
 
-/// Adds the errors that `errors_of` tells to the noise of a row's entries, and those of patches that no ray hit.
+/// Adds the errors from `errors_of` to the noise of a row's entries, and those of patches that no ray hit.
 fn with_errors(
     entries: &[Entry],
     tally: &RowTally,

@@ -1,4 +1,4 @@
-//! What the shooting methods share: rays leave a patch with a cosine distribution and are tallied where they land.
+//! The part that the shooting methods share: rays leave a patch with a cosine distribution and are tallied where they land.
 //!
 //! Source: Baranoski, Bramley and Shirley 1995, appendix A.
 
@@ -50,7 +50,7 @@ pub(super) struct Shooter<'a> {
 }
 
 impl<'a> Shooter<'a> {
-    /// `n_nets` as [`n_nets`] returns it; `by_rule` tells whether shots differ in [`Shot::coarser`].
+    /// `n_nets` as [`n_nets`] returns it; `by_rule` is true if shots differ in [`Shot::coarser`].
     pub(super) fn new(input: Input<'a>, n_nets: Option<usize>, by_rule: bool) -> Self {
         let n = input.mesh.n_patches();
         Self {

@@ -1,4 +1,4 @@
-//! Which pairs of patches need rays: those that may be occluded.
+//! The pairs of patches that need rays: those that may be occluded.
 
 use glam::DVec3;
 
@@ -7,7 +7,7 @@ use crate::mesh::PatchId;
 use crate::visibility::occluders::{OccluderIndex, PairVisibility};
 use crate::visibility::shaft::Shaft;
 
-/// What is known of a pair before any ray is traced.
+/// The knowledge of a pair before any ray is traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sight {
     /// No occluder.

@@ -62,7 +62,7 @@ impl Change {
         change
     }
 
-    /// Tells whether nothing moved.
+    /// Returns whether nothing moved.
     #[must_use]
     pub fn is_none(&self) -> bool {
         self.groups.is_empty()
@@ -74,12 +74,12 @@ impl Change {
         self.moved.iter().filter(|moved| **moved).count()
     }
 
-    /// Tells whether a face moved.
+    /// Returns whether a face moved.
     pub(super) fn moves(&self, face: FaceId) -> bool {
         self.moved[face.0 as usize]
     }
 
-    /// Tells whether anything that moved reaches, or reached, in between two convex polygons, which stayed. May err on the side of true.
+    /// Returns whether anything that moved reaches, or reached, in between two convex polygons, which stayed. May err on the side of true.
     ///
     /// What holds for two polygons holds for all their parts. Tolerance: that of [`OccluderIndex`](crate::visibility::occluders::OccluderIndex).
     pub(super) fn may_come_between(&self, p: &[DVec3], q: &[DVec3]) -> bool {
@@ -99,14 +99,14 @@ impl Group {
     }
 }
 
-/// What is known from before a change.
+/// The results from before a change.
 #[derive(Clone, Copy, Debug)]
 pub struct Before<'a> {
     /// The form factors, as the same method with the same settings made them of the patches that have been moved since, without repairs.
     pub factors: &'a FormFactors,
     /// Whether they are within their tolerance: if not, pairs that are taken over are looked at again for errors above it.
     pub tolerance_met: bool,
-    /// What has changed since.
+    /// The change since then.
     pub change: &'a Change,
 }
 

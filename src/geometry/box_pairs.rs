@@ -262,7 +262,7 @@ fn grow(boxes: &[(DVec3, DVec3)], order: &mut [u32], first: u32, nodes: &mut [No
     }
 }
 
-/// Tells whether two boxes overlap or touch.
+/// Returns whether two boxes overlap or touch.
 pub(crate) fn overlap(a: (DVec3, DVec3), b: (DVec3, DVec3)) -> bool {
     a.0.cmple(b.1).all() && b.0.cmple(a.1).all()
 }

@@ -142,7 +142,7 @@ impl Enclosure<'_> {
         }
     }
 
-    /// Tells whether what escapes is what the form factors of a row leave of 1: then their errors and its own cancel.
+    /// Returns whether the escaping fraction is 1 less the row sum: then its errors and those of the row cancel.
     fn is_remainder(&self, i: usize) -> bool {
         self.sky[i].value > 0.0 && self.factors.tallies()[i].n_rays == 0
     }
@@ -177,7 +177,7 @@ pub(crate) struct Solved<'a> {
     pub(crate) enclosure: Enclosure<'a>,
     /// R F or F.
     pub(crate) operator: &'a dyn LinearOperator,
-    /// What of each row the operator leaves out of R.
+    /// The part of each row that the operator leaves out of R.
     pub(crate) reflectance: &'a Block,
     pub(crate) outside: &'a Outside,
     /// The error of what is emitted, W·m⁻², \[n, c\]: by form factors and solver, and that of the mesh included.

@@ -42,7 +42,7 @@ pub const MAX_FLUX: f64 = 1e100;
 /// Of several entries that match a surface a later one replaces single keys of an earlier one, and its condition the earlier condition.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Boundary {
-    /// What messages call it: its file.
+    /// The name in messages: its file.
     pub file: PathBuf,
     /// The temperature of the surroundings, K.
     pub surroundings_k: f64,
@@ -156,7 +156,7 @@ pub struct Node {
     pub supplied_w: f64,
 }
 
-/// What is wrong with boundary conditions, as an error.
+/// Returns an error of boundary conditions.
 const BAD: fn(String) -> SceneErrorKind = |message| SceneErrorKind::BadBoundary { message };
 
 /// A value that is out of its range: its key, and what is wrong with it.
@@ -344,7 +344,7 @@ impl Boundary {
         (line > 0).then_some(line)
     }
 
-    /// Tells whether patches of a surface have temperatures of their own.
+    /// Returns whether patches of a surface have temperatures of their own.
     pub(super) fn has_patch_conditions(&self, surface: usize) -> bool {
         let values = self.patch_values.get(surface);
         values.is_some_and(|values| !values.condition.is_empty())

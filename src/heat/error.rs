@@ -13,7 +13,7 @@ pub enum HeatError {
     OtherScene {
         /// Surfaces of the scene.
         expected: usize,
-        /// Those that have a condition.
+        /// The surfaces that have a condition.
         found: usize,
     },
     /// A value of a surface is out of its range.
@@ -28,8 +28,8 @@ pub enum HeatError {
     },
     /// Two sides of a sheet do not coincide.
     #[error("{}", printable_message(&format!(
-        "`{}` and `{}` are two sides of one sheet, and {} of the first {} no opposite patch of the second in the same place; \
-         draw both with the same corners, and cut them alike",
+        "`{}` and `{}` are two sides of one sheet, but {} of the first {} no coincident patch on the second; \
+         give both the same corners and the same subdivision",
         surfaces[0], surfaces[1], counted(*n_alone, "patch"), if *n_alone == 1 { "has" } else { "have" }
     )))]
     Apart {
@@ -55,14 +55,14 @@ pub enum HeatError {
     },
     /// More heat leaves a surface than arrives at absolute zero.
     #[error("{}", printable_message(&format!(
-        "surface `{surface}` has no temperature: {taken:.3e} W/m² are taken from a patch, more than the {arriving:.3e} W/m² that it can absorb; raise what is supplied"
+        "surface `{surface}` has no temperature: {taken:.3e} W/m² are removed from a patch, more than the {arriving:.3e} W/m² that it can absorb; raise its supplied heat"
     )))]
     BelowZero {
         /// The surface.
         surface: String,
         /// The heat that is taken from a patch, W·m⁻².
         taken: f64,
-        /// What it would absorb at 0 K, W·m⁻².
+        /// The flux that it would absorb at 0 K, W·m⁻².
         arriving: f64,
     },
 }

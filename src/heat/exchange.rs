@@ -28,7 +28,7 @@ pub struct ExchangeFactors {
     pub gebhart_error: Vec<f64>,
 }
 
-/// Which nodes there are, beside the surroundings.
+/// The nodes beside the surroundings.
 pub(crate) struct Nodes {
     pub(crate) names: Vec<String>,
     /// The node of each patch, \[n\].

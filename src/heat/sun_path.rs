@@ -10,7 +10,7 @@ use super::sun_position::{seconds, sun_position};
 /// The sun at many times, one after the other.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SunPath {
-    /// What messages call it: its file.
+    /// The name in messages: its file.
     pub file: PathBuf,
     /// The times, in increasing order.
     pub steps: Vec<SunStep>,

@@ -17,10 +17,10 @@ use crate::mesh::PatchId;
 use crate::visibility::occluders::{OccluderIndex, PairVisibility};
 use crate::visibility::{Coherence, HitBatch, RayBatch};
 
-/// What an occluder may reach into the light of a patch and be left out, as a part of the patch's width; see [`OccluderIndex`].
+/// The depth, as a part of the patch's width, by which a neglected occluder may reach into the light of a patch; see [`OccluderIndex`].
 const NEGLECTED: f64 = 1e-10;
 
-/// Circles of directions in the disc of the sun, and in the rule that its error is told by.
+/// Circles of directions in the disc of the sun, and in the coarser rule that estimates the error.
 const CIRCLES: [NonZeroUsize; 2] = [
     NonZeroUsize::new(6).expect("positive"),
     NonZeroUsize::new(4).expect("positive"),

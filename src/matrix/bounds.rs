@@ -1,12 +1,12 @@
-//! What entries may be that no ray has hit.
+//! Bounds of entries that no ray has hit.
 
 use std::fmt::Debug;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
 
-/// What form factors may be that no ray of a row has hit.
+/// Bounds of form factors that no ray of a row has hit.
 pub(crate) trait UpperBounds: Debug + Send + Sync {
-    /// Tells whether part of each patch lies in front of the other's plane; else F_ij is 0.
+    /// Returns whether part of each patch lies in front of the other's plane; else F_ij is 0.
     fn are_facing(&self, i: usize, j: usize) -> bool;
 
     /// Returns what F_ij may be, above 0 for patches that face each other, if the number of rays allows `by_count`.

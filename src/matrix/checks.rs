@@ -15,7 +15,7 @@ pub struct MinMax {
     pub max: f64,
 }
 
-/// What the laws of closure and reciprocity say about form factors. Values that are not finite are refused before, by
+/// Checks of closure and reciprocity. Values that are not finite are refused before, by
 /// [`FormFactors::from_tiles`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
@@ -39,17 +39,17 @@ pub struct Checks {
     pub n_absorbed: u64,
 }
 
-/// Which rows are known to sum to 1: those of patches all of whose light arrives at fronts.
+/// The rows that are known to sum to 1: those of patches all of whose light arrives at fronts.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Closed<'a> {
     /// All, or none.
     Everywhere(bool),
-    /// Those for which this is true, \[n\].
+    /// The rows for which this is true, \[n\].
     Where(&'a [bool]),
 }
 
 impl Closed<'_> {
-    /// Tells whether row `i` is known to sum to 1.
+    /// Returns whether row `i` is known to sum to 1.
     #[must_use]
     pub fn row(&self, i: usize) -> bool {
         match self {
@@ -71,7 +71,7 @@ impl<'a> From<&'a [bool]> for Closed<'a> {
     }
 }
 
-/// What the rows of form factors should sum to, \[n\] each.
+/// The expected row sums, \[n\] each.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RowTargets {
     /// Σ_j F_ij + lost_i.

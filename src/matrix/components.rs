@@ -1,4 +1,4 @@
-//! Which patches can exchange light at all, however many reflections it takes.
+//! Connected components: the sets of patches that exchange light after any number of reflections.
 
 use super::operator::{Block, Components, LinearOperator, RowAccess};
 use crate::disjoint_sets::DisjointSets;

@@ -1,4 +1,4 @@
-//! What can be wrong with form factors, and with the disk that they lie on.
+//! Errors of form factors, and with the disk that they lie on.
 
 use std::path::{Path, PathBuf};
 use std::{fmt, io};
@@ -119,7 +119,7 @@ pub enum DiskError {
         directory: PathBuf,
         /// What kind of error it was.
         kind: io::ErrorKind,
-        /// What the operating system said.
+        /// The operating system's message.
         reason: String,
     },
     /// The file cannot be read, or ends too soon.
@@ -128,10 +128,10 @@ pub enum DiskError {
         directory: PathBuf,
         /// What kind of error it was.
         kind: io::ErrorKind,
-        /// What the operating system said.
+        /// The operating system's message.
         reason: String,
     },
-    /// What is read is not what was written.
+    /// The data read differ from the data written.
     Damaged {
         /// The directory.
         directory: PathBuf,

@@ -32,7 +32,7 @@ pub struct FormFactors {
     pub(super) tallies: Vec<RowTally>,
     layout: Layout,
     precision: Precision,
-    /// What rays leave open of entries that are not stored; `None` if these are 0 for certain.
+    /// The error of entries that are not stored; `None` if these are 0 for certain.
     pub(super) open: Option<Open>,
 }
 

@@ -1,4 +1,4 @@
-//! What rays leave open of entries that none of them hit.
+//! The error of entries that no ray hit.
 
 use std::num::NonZeroUsize;
 use std::sync::Arc;

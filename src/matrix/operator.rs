@@ -1,4 +1,4 @@
-//! What a solver sees of the form factors: a linear operator on blocks of vectors.
+//! The form factors as a linear operator on blocks of vectors, the only view that solvers have.
 
 use std::ops::Range;
 

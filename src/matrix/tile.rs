@@ -1,4 +1,4 @@
-//! What a form-factor method emits: a range of rows.
+//! A range of rows, as form-factor methods emit them.
 
 /// Hits that an entry may have deserved without getting one: of entries with F = 1.5 / N, rays miss 22 %.
 pub(in crate::matrix) const MISSED_HITS: f64 = 1.5;
@@ -6,7 +6,7 @@ pub(in crate::matrix) const MISSED_HITS: f64 = 1.5;
 /// One entry of a row: column j, form factor F_ij, standard error of F_ij (0 where it is exact or unknown).
 pub type Entry = (u32, f64, f64);
 
-/// What became of the rays that left one patch.
+/// The fate of the rays that left one patch.
 ///
 /// A method leaves it at its default where a row is not made of rays that leave the patch over its hemisphere.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -109,7 +109,7 @@ impl RowTally {
         p * (1.0 - p) / n
     }
 
-    /// Tells whether no more rays end outside of fronts than there are, and the sums of weights can be such.
+    /// Returns whether no more rays end outside of fronts than there are, and the sums of weights can be such.
     pub(crate) fn is_consistent(&self) -> bool {
         let lost = self.n_escaped.checked_add(self.n_absorbed);
         let in_range = |w: &RayWeights| {
@@ -206,7 +206,7 @@ impl RowTile {
     }
 }
 
-/// Tells whether a number is exactly zero, of either sign.
+/// Returns whether a number is exactly zero, of either sign.
 pub(in crate::matrix) fn is_zero(value: f64) -> bool {
     matches!(value.classify(), std::num::FpCategory::Zero)
 }

@@ -90,7 +90,7 @@ impl<'a> ContactEdges<'a> {
         self.joints.get_or_init(|| flat_joints(self.scene))
     }
 
-    /// Tells whether faces on one of two faces or both stand along a line: along the middle half of it at least, without a gap.
+    /// Returns whether faces on one of two faces or both stand along a line: along the middle half of it at least, without a gap.
     pub(super) fn stand_between(&self, faces: [u32; 2], from: DVec3, to: DVec3) -> bool {
         self.found().stand_between(faces, from, to)
     }
@@ -215,7 +215,7 @@ impl Found {
         }
     }
 
-    /// Tells whether faces on one of two faces or both stand along a line: along the middle half of it at least, without a gap.
+    /// Returns whether faces on one of two faces or both stand along a line: along the middle half of it at least, without a gap.
     pub(super) fn stand_between(&self, faces: [u32; 2], from: DVec3, to: DVec3) -> bool {
         let middle = [from.lerp(to, 0.25), from.lerp(to, 0.75)];
         let mut is_one = false;
@@ -332,7 +332,7 @@ fn parted(joints: &[(FaceEdge, FaceEdge)], scene: &Scene, found: &Found) -> Hash
     found.faces().flat_map_iter(of_face).collect()
 }
 
-/// Tells whether parts of a line cover it from 0 to its length; those that were meant to touch do.
+/// Returns whether parts of a line cover it from 0 to its length; those that were meant to touch do.
 fn cover(mut parts: Vec<[f64; 2]>, length: f64, tolerance: f64) -> bool {
     parts.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let without_gap = parts.iter().try_fold(0.0_f64, |reached, &[start, end]| {
@@ -414,7 +414,7 @@ impl Plane {
         (from.distance(to) > tolerance).then_some([from, to])
     }
 
-    /// Tells whether more than a length of a segment lies in a convex polygon in the plane, or along its border.
+    /// Returns whether more than a length of a segment lies in a convex polygon in the plane, or along its border.
     fn holds(self, ground: &[DVec3], [from, to]: [DVec3; 2], length: f64) -> bool {
         let (mut first, mut last) = (0.0_f64, 1.0_f64);
         for (k, &corner) in ground.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Which patch of a face a point lies in.
+//! The patch of a face that a point lies in.
 
 use glam::{DVec2, DVec3};
 

@@ -1,4 +1,4 @@
-//! Which vertices patches share: parted where contact edges run between them, joined where they meet side by side.
+//! The vertices that patches share: separate where contact edges run between them, joined where they meet side by side.
 
 use std::collections::BTreeSet;
 
@@ -226,7 +226,7 @@ fn free_edges(mesh: &Mesh) -> Vec<Edge> {
     free
 }
 
-/// Tells of each patch whether no other one has nearly its normal: it continues none, as most triangles of a curved surface.
+/// Returns for each patch whether no other one has nearly its normal: it continues none, as most triangles of a curved surface.
 fn only_ones_of_their_normal(mesh: &Mesh) -> Vec<bool> {
     let mut by_x: Vec<(f64, usize)> = mesh.patches.iter().map(|patch| patch.normal.x).zip(0..).collect();
     by_x.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0));

@@ -265,7 +265,7 @@ fn part_beside(piece: &[Corner], start: DVec2, along: DVec2, least: f64) -> Vec<
     part
 }
 
-/// Tells which end of an edge comes first, whichever way it is run along.
+/// Returns the end of an edge that comes first, in either direction.
 fn comes_first(a: &Corner, b: &Corner) -> bool {
     (a.flat.x, a.flat.y) < (b.flat.x, b.flat.y)
 }

@@ -11,7 +11,7 @@ use glam::DVec3;
 /// Points nearer than this part of the longer of two edges are one, and so are lines: far more than rounding, far less than a patch.
 pub(super) const SLACK: f64 = 1e-9;
 
-/// What interpolation knows of T-junctions; empty for most meshes.
+/// The T-junctions for interpolation; empty for most meshes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Seams {
     /// The vertex that stands for each of those that others lie on.

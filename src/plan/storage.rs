@@ -10,7 +10,7 @@ use crate::matrix::{Layout, Precision};
 use crate::mesh::Mesh;
 use crate::parameter::{Named, Parameter, plainly};
 
-/// What is known before form factors are computed.
+/// The facts before form factors are computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StorageDemand {
     /// n.
@@ -27,19 +27,19 @@ pub struct StorageDemand {
     pub n_beside: u32,
     /// An upper bound of the share of entries that are not zero.
     pub density: f64,
-    /// What is in use already: program, scene, patches and the ray tracer's tree.
+    /// The memory in use already: program, scene, patches and the ray tracer's tree.
     pub used_byte: u64,
-    /// What the method takes beside the rows that it gives away one by one.
+    /// The memory of the method beside the rows that it emits one by one.
     pub working_byte: u64,
-    /// What the picture will take.
+    /// The memory of the image.
     pub image_byte: u64,
     /// The least 1 − ρ of the patches and the tolerance of the solver, or `None` where the form factors are the result.
     pub accuracy: Option<Accuracy>,
-    /// What may be used in all.
+    /// The limit of memory.
     pub limit_byte: u64,
 }
 
-/// What decides whether 24 bits of each form factor suffice.
+/// The facts that decide whether 24 bits of each form factor suffice.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accuracy {
     /// min 1 − ρ.
@@ -48,7 +48,7 @@ pub struct Accuracy {
     pub tolerance: f64,
 }
 
-/// What a user may ask for; `None` leaves the choice to the plan.
+/// The user's request; `None` leaves the choice to the plan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StorageWish {
     /// Dense or sparse tiles.
@@ -70,7 +70,7 @@ pub struct StoragePlan {
     pub on_disk: bool,
     /// Memory for computed rows that wait to be stored: part of `memory`.
     pub waiting_byte: u64,
-    /// What everything together is estimated to take.
+    /// The estimated memory in all.
     pub memory: MemoryEstimate,
     /// Why.
     pub reason: String,
@@ -114,18 +114,18 @@ pub enum StorageError {
     TooSmall {
         /// n.
         n_patches: usize,
-        /// What is needed.
+        /// The memory needed.
         needed_byte: u64,
-        /// What may be used.
+        /// The limit.
         limit_byte: u64,
     },
     /// The form factors were to stay in memory, and do not fit.
     NotInMemory {
         /// n.
         n_patches: usize,
-        /// What is needed.
+        /// The memory needed.
         needed_byte: u64,
-        /// What may be used.
+        /// The limit.
         limit_byte: u64,
     },
 }
@@ -150,7 +150,7 @@ impl StorageError {
                 needed_byte,
                 limit_byte,
             } => format!(
-                "{n_patches} patches need {} of memory even with the form factors on a disk, and the limit is {}; raise {limit_name}, use fewer {}, or cut the scene into fewer patches",
+                "{n_patches} patches require {} of memory even with form factors on a disk, above the limit of {}; raise {limit_name}, or use fewer {} or patches",
                 byte_text(*needed_byte),
                 byte_text(*limit_byte),
                 name(Parameter::Threads)

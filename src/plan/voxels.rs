@@ -1,4 +1,4 @@
-//! What voxels and their links take, before there are any.
+//! The memory of voxels and their links, estimated before there are any.
 
 use super::whole;
 use crate::geometry::polygon;
@@ -29,7 +29,7 @@ const WRITTEN_BYTE: f64 = 256.0;
 /// Surfels whose links are computed together before they are written, for each thread.
 const SURFELS_PER_THREAD: f64 = 8.0 * 256.0;
 
-/// What is known of a voxel run once the scene is cut.
+/// The facts of a voxel run once the scene is cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VoxelDemand {
     /// The surfels.

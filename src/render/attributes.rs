@@ -1,4 +1,4 @@
-//! What an image file says about how it was made.
+//! The description of an image file: settings, view and scene.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
@@ -65,7 +65,7 @@ pub struct Attributes {
     pub surfaces: Vec<SurfaceRecord>,
     /// How the numbers of the layers are stored.
     pub pixels: Pixels,
-    /// What the form factors are to, where the image is a [`field`](super::field()).
+    /// The surface that the form factors are to, where the image is a [`field`](super::field()).
     pub field: Option<FieldRecord>,
     /// Whether `surfaces` is what `scene_sha256` was made from; false in a file whose description was changed afterwards.
     pub scene_intact: bool,

@@ -11,7 +11,7 @@ use crate::mesh::{Mesh, PatchId};
 use crate::scene::Scene;
 use crate::visibility::occluders::{OccluderIndex, PairVisibility};
 
-/// What is needed to find out which parts of an emitter a patch sees.
+/// The input for finding the parts of an emitter that a patch sees.
 pub(super) struct ClearParts<'a> {
     mesh: &'a Mesh,
     index: OccluderIndex,

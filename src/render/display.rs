@@ -68,7 +68,7 @@ impl TevDisplay {
         Err(failure)
     }
 
-    /// Tells whether the viewer took all that was sent so far.
+    /// Returns whether the viewer took all that was sent so far.
     #[must_use]
     pub fn is_connected(&self) -> bool {
         self.stream.lock().is_ok_and(|stream| stream.is_some())

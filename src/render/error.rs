@@ -1,4 +1,4 @@
-//! What can go wrong with an image.
+//! Errors of images.
 
 use std::path::PathBuf;
 
@@ -39,7 +39,7 @@ pub enum RenderError {
     NotExr {
         /// The file.
         path: PathBuf,
-        /// What the decoder says.
+        /// The message of the decoder.
         reason: String,
     },
     /// The file lacks an attribute that `radiosity render` writes.
@@ -57,7 +57,7 @@ pub enum RenderError {
         path: PathBuf,
         /// The attribute.
         name: &'static str,
-        /// What is wrong with it.
+        /// An error of it.
         reason: String,
     },
     /// The attributes were written by a version whose layout this one does not know.

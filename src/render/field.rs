@@ -22,7 +22,7 @@ use crate::visibility::Visibility;
 /// Rays to each face of the surface, where the field is found by [`DirectMethod::Polygons`](super::DirectMethod::Polygons) and no number is given.
 pub const FIELD_SHADOW_RAYS: NonZeroU32 = NonZeroU32::MIN.saturating_add(63);
 
-/// What an image file says about a field of form factors.
+/// The description of a field of form factors in an image file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FieldRecord {
     /// The name of the surface that the form factors are to.
@@ -36,7 +36,7 @@ pub struct FieldInput<'a> {
     pub scene: &'a Scene,
     /// Its patches, for the layer `patch`; the form factors do not depend on them.
     pub mesh: &'a Mesh,
-    /// Who sees whom.
+    /// Visibility.
     pub visibility: &'a dyn Visibility,
     /// The surface.
     pub surface: SurfaceId,

@@ -74,7 +74,7 @@ pub(super) struct PixelPart {
     pub(super) stream: u64,
 }
 
-/// What was gathered for one pixel so far.
+/// The light gathered for one pixel so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Gathered {
     /// Per net, Σ over its points of the pixel's irradiance.
@@ -404,7 +404,7 @@ impl<'a> Gatherer<'a> {
     }
 }
 
-/// What final gather took, and what is left of the noise.
+/// The cost of final gather, and the noise that is left.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct GatherReport {

@@ -35,7 +35,7 @@ pub struct Layer {
 }
 
 impl Layer {
-    /// Tells whether the layer shows light: `R`, `G`, `B`, `irradiance.*`, `radiosity.*` or `direct.*`.
+    /// Returns whether the layer shows light: `R`, `G`, `B`, `irradiance.*`, `radiosity.*` or `direct.*`.
     #[must_use]
     pub fn is_light(&self) -> bool {
         let starts = ["irradiance.", "radiosity.", "direct."];
@@ -121,7 +121,7 @@ impl Image {
         }
     }
 
-    /// Tells whether some pixel shows, at its centre, a face whose normal points to the side of `eye`.
+    /// Returns whether some pixel shows, at its centre, a face whose normal points to the side of `eye`.
     ///
     /// # Panics
     /// If the image lacks the layers `patch`, `P` or `N`, which every rendered image has.

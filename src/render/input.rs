@@ -1,4 +1,4 @@
-//! What is rendered.
+//! The input of the renderer.
 
 use super::outdoors::Outdoors;
 use crate::matrix::operator::Block;
@@ -13,7 +13,7 @@ pub struct RenderInput<'a> {
     pub scene: &'a Scene,
     /// Its patches.
     pub mesh: &'a Mesh,
-    /// Who sees whom.
+    /// Visibility.
     pub visibility: &'a dyn Visibility,
     /// B in W·m⁻².
     pub radiosity: &'a Block,

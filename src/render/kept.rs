@@ -1,4 +1,4 @@
-//! What a checkpoint keeps of final gather: for each block and round the pixels that the round went on with.
+//! Final gather in a checkpoint: for each block and round the pixels that the round went on with.
 
 use super::gather::Gathered;
 use super::pixel::Pixel;
@@ -13,7 +13,7 @@ const PART: u32 = 1 << 20;
 pub(super) struct BlockState {
     pub(super) pixels: Vec<Pixel>,
     pub(super) gathered: Vec<Gathered>,
-    /// What the first round's rays told of rare light.
+    /// The rare light that the first round's rays found.
     pub(super) rare: Option<RareLight>,
     /// Rounds so far.
     pub(super) n_rounds: u32,

@@ -19,7 +19,7 @@ pub(super) struct Pixel {
     pub(super) n_samples: u32,
     /// The estimated error of the solution.
     pub(super) error: [f64; 3],
-    /// What is seen at the pixel's centre.
+    /// The hit at the pixel's centre.
     pub(super) centre: Option<SurfacePoint>,
 }
 
@@ -72,7 +72,7 @@ const VARIANCE: (&str, [char; 3], Value) = ("variance", RGB, |pixel| pixel.varia
 /// The layer of the solution's error.
 const ERROR: (&str, [char; 3], Value) = ("error", RGB, |pixel| pixel.error);
 
-/// Which layers an image has beside those of every image.
+/// The layers of an image beside those of every image.
 #[expect(
     clippy::struct_excessive_bools,
     reason = "any of these groups of layers goes with any other"

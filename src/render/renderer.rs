@@ -45,9 +45,9 @@ fn go_on(progress: &dyn Progress) -> Result<(), RenderError> {
     }
 }
 
-/// What a view shows of a block.
+/// The view of a block.
 struct Seen {
-    /// What is seen at the pixels' centres.
+    /// The hits at the pixels' centres.
     centres: Vec<Option<SurfacePoint>>,
     /// How many samples the pixels have.
     n_samples: Vec<u32>,

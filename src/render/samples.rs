@@ -94,7 +94,7 @@ impl PixelSamples {
     }
 }
 
-/// What the first samples of a rectangle of pixels see.
+/// The hits of the first samples of a rectangle of pixels.
 pub(super) struct FirstLook<'a> {
     pub(super) scene: &'a Scene,
     /// Where the samples are in the image, and what they see: pixel by pixel, row by row.
@@ -151,7 +151,7 @@ impl FirstLook<'_> {
         })
     }
 
-    /// Tells whether an edge is between what two samples see.
+    /// Returns whether an edge is between what two samples see.
     fn differ(&self, one: Option<&SurfacePoint>, other: Option<&SurfacePoint>) -> bool {
         let (Some(a), Some(b)) = (one, other) else {
             return one.is_some() != other.is_some();

@@ -103,7 +103,7 @@ pub struct Unfolded {
 const N_PLACES: usize = 6;
 
 impl Unfolded {
-    /// Says of each surface that has no tile why not.
+    /// Returns the reason for each surface that has no tile.
     pub fn without_tile(&self) -> impl Iterator<Item = String> + '_ {
         self.left_out
             .iter()

@@ -1,4 +1,4 @@
-//! What a pixel looks at.
+//! Views: the rays of the pixels.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::unfolded::Unfolded;
 use crate::scene::{Camera, SceneError, SurfaceId};
 
-/// What is seen through one point of the image.
+/// The hit seen through one point of the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Sight {
     /// The first face along a ray.

@@ -11,7 +11,7 @@ use crate::scene::Scene;
 /// Numbers have the fewest digits that read back as the same f64. Names are quoted where they need it (RFC 4180).
 ///
 /// # Errors
-/// Those of the writer.
+/// Errors of the writer.
 pub fn write_solution(
     writer: &mut dyn Write,
     scene: &Scene,

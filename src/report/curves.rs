@@ -28,9 +28,9 @@ pub struct CurvePlot {
     pub title: String,
     /// A line below the heading: what was measured how.
     pub subtitle: String,
-    /// What runs to the right.
+    /// The quantity on the horizontal axis.
     pub x_label: String,
-    /// What runs upwards.
+    /// The quantity on the vertical axis.
     pub y_label: String,
     /// Whether equal ratios, not equal differences, are at equal distances to the right.
     pub log_x: bool,

@@ -1,4 +1,4 @@
-//! What a file of form factors says about itself.
+//! The description in a file of form factors.
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -11,12 +11,12 @@ use crate::scene::hash::hexadecimal;
 /// The layout of the files; a number that changes when old files cannot be read any more.
 pub(super) const FORMAT: &str = "radiosity form factors 2";
 
-/// What a file of form factors says about itself, in JSON.
+/// The description in a file of form factors, as JSON.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Description {
     /// Name and number of the file's layout.
     pub(super) format: String,
-    /// Which way the matrix is to be read.
+    /// The orientation of the matrix.
     orientation: String,
     /// The units of the arrays.
     unit: String,

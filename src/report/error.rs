@@ -19,7 +19,7 @@ pub enum ReportError {
     Unwritable {
         /// The file.
         path: PathBuf,
-        /// What the operating system said.
+        /// The operating system's message.
         source: io::Error,
     },
     /// The file cannot be read.
@@ -27,7 +27,7 @@ pub enum ReportError {
     Unreadable {
         /// The file.
         path: PathBuf,
-        /// What the operating system said.
+        /// The operating system's message.
         source: io::Error,
     },
     /// A table that cannot be understood.
@@ -55,7 +55,7 @@ pub enum ReportError {
     UnknownFormat {
         /// The file.
         path: PathBuf,
-        /// What was to be written or read.
+        /// The content that was to be written or read.
         content: &'static str,
         /// The endings that are understood.
         known: String,
@@ -73,9 +73,9 @@ pub enum ReportError {
     Version {
         /// The file.
         path: PathBuf,
-        /// What the file says.
+        /// The version in the file.
         found: String,
-        /// What is understood.
+        /// The version that is read.
         expected: &'static str,
     },
     /// The file is cut off, changed, or contradicts itself.
@@ -97,7 +97,7 @@ pub enum ReportError {
     Scratch {
         /// The file that was to be written or read.
         path: PathBuf,
-        /// What is wrong with the scratch file.
+        /// An error of the scratch file.
         source: DiskError,
     },
     /// The numbers make no form factors.
@@ -106,7 +106,7 @@ pub enum ReportError {
     Matrix {
         /// The file.
         path: PathBuf,
-        /// What is wrong with them.
+        /// An error of them.
         source: MatrixError,
     },
 }

@@ -52,7 +52,7 @@ pub struct FormFactorReport<'a> {
     pub tolerance_met: bool,
     /// How the pairs of patches were treated, and how many are above the tolerance for which reason; `None` of methods that do not look at pairs.
     pub pairs: Option<PairCounts>,
-    /// What escapes of the light of each patch, and what backs take; files then have it with its errors.
+    /// The sky and back factors of each patch; files then hold them with their errors.
     pub sky: Option<&'a SkyFactors>,
     /// How the form factors were computed: no time, path or number of threads. `subdivide` or `max_edge_m` tells how the scene was
     /// cut into patches.
@@ -357,7 +357,7 @@ impl FormFactorReport<'_> {
         Ok(())
     }
 
-    /// Tells whether sparse rows list entries that no ray hit.
+    /// Returns whether sparse rows list entries that no ray hit.
     fn lists_open(&self) -> bool {
         let counts = (0..self.factors.n_rows()).into_par_iter().map(|i| {
             let mut n_stored = 0;

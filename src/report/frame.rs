@@ -1,4 +1,4 @@
-//! What all plots share: paper, heading, axes, legend, colours and marks.
+//! The parts that all plots share: paper, heading, axes, legend, colours and marks.
 
 use std::fmt::Write as _;
 

@@ -1,4 +1,4 @@
-//! What the times were measured on.
+//! The machine of measured times.
 
 use serde::Serialize;
 

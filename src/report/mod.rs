@@ -1,4 +1,4 @@
-//! What was done, how well, how long it took, and what was left out; and the files that carry results to other programs.
+//! Reports of runs, and the files that carry results to other programs.
 
 mod coloured;
 pub mod csv;

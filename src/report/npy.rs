@@ -58,7 +58,7 @@ impl Dtype {
     }
 }
 
-/// What the head of an array says.
+/// The header of an array.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Header {
     pub(super) dtype: Dtype,

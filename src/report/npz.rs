@@ -210,7 +210,7 @@ impl Archive {
         })
     }
 
-    /// Tells whether there is an array of this name.
+    /// Returns whether there is an array of this name.
     pub(super) fn has(&self, name: &str) -> bool {
         self.zip.index_for_name(&format!("{name}.npy")).is_some()
     }

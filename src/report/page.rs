@@ -25,11 +25,11 @@ pub struct Page<'a> {
     pub title: &'a str,
     /// The text in Markdown with tables (GitHub's dialect). HTML in it is shown as it is written.
     pub report: &'a str,
-    /// The plots and pictures, shown after the text.
+    /// The plots and pictures, shown before the first section of the text.
     pub figures: Vec<Figure<'a>>,
-    /// What the figures were made with.
+    /// The program and its settings.
     pub settings: &'a Value,
-    /// What the times were measured on.
+    /// The machine of the measured times.
     pub machine: &'a Machine,
 }
 
@@ -55,19 +55,23 @@ impl Page<'_> {
              <meta name=\"color-scheme\" content=\"light dark\">\n<link rel=\"icon\" href=\"data:,\">\n\
              <title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n"
         );
-        self.push_report(&mut page);
+        let report = self.report_body();
+        let (introduction, sections) = report.split_at(report.find("<h2>").unwrap_or(report.len()));
+        page.push_str(introduction);
         if !self.figures.is_empty() {
             page.push_str("<h2>Figures</h2>\n");
         }
         for figure in &self.figures {
             push_figure(&mut page, figure);
         }
+        page.push_str(sections);
         self.push_origin(&mut page);
         page.push_str("</main>\n</body>\n</html>\n");
         page
     }
 
-    fn push_report(&self, page: &mut String) {
+    /// Returns the text as HTML. Headers of tables say what they head, and wide tables can be scrolled with the keyboard.
+    fn report_body(&self) -> String {
         let events = Parser::new_ext(self.report, Options::ENABLE_TABLES);
         // A report is text: what looks like markup is not meant so.
         let as_text = events.map(|event| match event {
@@ -78,11 +82,13 @@ impl Page<'_> {
         });
         let mut body = String::new();
         html::push_html(&mut body, as_text);
-        page.push_str(
-            &body
-                .replace("<table>", "<div class=\"wide\"><table>")
-                .replace("</table>", "</table></div>"),
-        );
+        body.replace("<th>", "<th scope=\"col\">")
+            .replace("<th ", "<th scope=\"col\" ")
+            .replace(
+                "<table>",
+                "<div class=\"wide\" role=\"region\" aria-label=\"table\" tabindex=\"0\"><table>",
+            )
+            .replace("</table>", "</table></div>")
     }
 
     /// Says what the figures were made with and on.
@@ -115,10 +121,11 @@ impl Page<'_> {
 /// Adds a plot as it is, any other picture as data. The style sheet gives plots the page's colours.
 fn push_figure(page: &mut String, figure: &Figure<'_>) {
     let name = escaped(figure.name);
+    let words = caption(&name);
     page.push_str("<figure>\n");
     match std::str::from_utf8(figure.content) {
         Ok(svg) if has_ending(figure.name, "svg") => {
-            let labelled = format!("<svg role=\"img\" aria-label=\"{name}\"");
+            let labelled = format!("<svg role=\"img\" aria-label=\"{words}\"");
             page.push_str(&svg.replacen("<svg", &labelled, 1));
         }
         _ => {
@@ -126,7 +133,20 @@ fn push_figure(page: &mut String, figure: &Figure<'_>) {
             let _ = writeln!(page, "<img alt=\"{name}\" src=\"data:image/png;base64,{data}\">");
         }
     }
-    let _ = writeln!(page, "<figcaption>{name}</figcaption>\n</figure>");
+    let _ = writeln!(
+        page,
+        "<figcaption>{words} (<code>{name}</code>)</figcaption>\n</figure>"
+    );
+}
+
+/// Returns the name of a file in words: without its ending, with blanks between the words.
+fn caption(name: &str) -> String {
+    let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+    let words = stem.replace(['-', '_'], " ");
+    let mut letters = words.chars();
+    letters
+        .next()
+        .map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
 fn has_ending(name: &str, ending: &str) -> bool {
@@ -173,7 +193,8 @@ mod tests {
         for part in [
             "<title>a &lt; b</title>",
             "<h1>Head</h1>",
-            "<div class=\"wide\"><table><thead>",
+            "tabindex=\"0\"><table><thead>",
+            "<th scope=\"col\">a</th>",
             "<td>1</td>",
             "a &lt;processor&gt;",
             "<th scope=\"row\">time limit s</th><td>10.0</td>",
@@ -185,9 +206,27 @@ mod tests {
     }
 
     #[test]
+    fn figures_come_before_the_sections() {
+        let figure = Figure {
+            name: "a.png",
+            content: b"\x89PNG",
+        };
+        let html = page("# Head\n\nFirst words.\n\n## Section\n\nMore.\n", vec![figure]);
+        let places = [
+            "First words",
+            "<h2>Figures</h2>",
+            "<figure>",
+            "<h2>Section</h2>",
+            "How this was made",
+        ];
+        let places = places.map(|part| html.find(part).unwrap_or_else(|| panic!("{part}: {html}")));
+        assert!(places.is_sorted(), "{places:?}");
+    }
+
+    #[test]
     fn nothing_is_loaded_and_nothing_runs() {
         let svg = b"<svg width=\"1\" height=\"1\"></svg>";
-        let figures = [("a.svg", &svg[..]), ("b.png", b"\x89PNG")];
+        let figures = [("a-plot.svg", &svg[..]), ("b.png", b"\x89PNG")];
         let figures = figures.map(|(name, content)| Figure { name, content });
         let html = page(
             "<script>alert(1)</script> ![x](http://example.org/x.png)",
@@ -195,8 +234,9 @@ mod tests {
         );
         assert!(!html.contains("<script"), "{html}");
         assert!(html.contains("&lt;script&gt;"));
-        assert!(html.contains("<svg role=\"img\" aria-label=\"a.svg\" width=\"1\""));
+        assert!(html.contains("<svg role=\"img\" aria-label=\"A plot\" width=\"1\""));
         assert!(html.contains("data:image/png;base64,iVBORw=="));
+        assert!(html.contains("<figcaption>A plot (<code>a-plot.svg</code>)</figcaption>"));
         // Pictures of other places are left out; what is left is data.
         assert!(
             html.matches("src=\"").count() == html.matches("src=\"data:").count(),

@@ -1,4 +1,4 @@
-//! What plots are drawn on: SVG text, or the pixels of a PNG with the same layout.
+//! The drawing surface of plots: SVG text, or the pixels of a PNG with the same layout.
 
 use std::io;
 

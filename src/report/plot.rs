@@ -10,7 +10,7 @@ use super::log_axis::LogAxis;
 /// A measured value with the range in which repeated measurements lay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ranged {
-    /// What is marked: the median.
+    /// The marked value: the median.
     pub middle: f64,
     /// The least value measured.
     pub low: f64,
@@ -65,7 +65,7 @@ pub struct ErrorTimePlot {
     pub title: String,
     /// A line below the heading: what was measured how.
     pub subtitle: String,
-    /// What the error is.
+    /// The name of the error.
     pub error_label: String,
     /// The methods.
     pub series: Vec<Series>,

@@ -112,7 +112,7 @@ pub fn write(
 /// Writes what points see as a table.
 ///
 /// # Errors
-/// Those of the writer.
+/// Errors of the writer.
 pub fn write_table(writer: &mut dyn Write, scene: &Scene, views: &[PointView]) -> io::Result<()> {
     write_csv(writer, views, &columns(scene, views))
 }

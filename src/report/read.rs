@@ -79,7 +79,7 @@ impl FormFactorFile {
         &self.description
     }
 
-    /// Tells whether the file holds the errors of its form factors.
+    /// Returns whether the file holds the errors of its form factors.
     #[must_use]
     pub fn has_errors(&self) -> bool {
         Format::to_read(&self.path).is_ok_and(|format| format == Format::Npz)
@@ -339,7 +339,7 @@ fn description(path: &Path, text: &[u8]) -> Result<Description, ReportError> {
     Description::from_json(value).map_err(damaged)
 }
 
-/// What can go wrong while rows become a matrix.
+/// An error while rows become a matrix.
 enum Failure {
     Report(ReportError),
     Matrix(MatrixError),

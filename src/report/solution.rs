@@ -45,7 +45,7 @@ pub struct SolutionReport<'a> {
     pub error: Option<&'a Block>,
     /// Σ_j F_ij, \[n\], where form factors were stored.
     pub row_sums: Option<&'a [f64]>,
-    /// What escapes of the light of each patch, where form factors were stored.
+    /// The sky factor of each patch, where form factors were stored.
     pub sky: Option<&'a SkyFactors>,
     /// The sunlight; it is in the irradiance, and not in the exitance.
     pub sun: Option<&'a Sunlit>,

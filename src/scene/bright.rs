@@ -8,7 +8,7 @@ pub const MAX_EXITANCE: f64 = 1e300;
 /// The least exitance beside 0, in W·m⁻²: near the least f64 numbers have fewer digits, and conservation checks that hold to the last of them do not.
 pub const MIN_EXITANCE: f64 = 1e-300;
 
-/// Tells whether an exitance is above 0, but below the least that is possible.
+/// Returns whether an exitance is above 0, but below the least that is possible.
 pub(super) fn is_too_dim(exitance: f64) -> bool {
     exitance > 0.0 && exitance < MIN_EXITANCE
 }

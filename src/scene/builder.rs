@@ -22,7 +22,7 @@ use crate::geometry::polygon;
 /// where the two ways to cut a quad in two differ by that, so do areas and form factors by as much as a millionth.
 const BENT: f64 = 1e-3;
 
-/// What became of an outline.
+/// The fate of an outline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Added {
     /// It is part of the scene.
@@ -150,7 +150,7 @@ impl SceneBuilder {
             .map_or_else(|| in_memory("the scene".to_owned()), Origin::file)
     }
 
-    /// Says how finely the coordinates are written.
+    /// Sets the precision with which the coordinates are written.
     pub fn written(&mut self, written: Written) {
         self.scene.written = Some(written);
     }
@@ -434,7 +434,7 @@ pub(super) fn without_repeats(corners: &mut Vec<DVec3>) {
     }
 }
 
-/// Tells whether a corner is further than [`BENT`] of the size of an outline from its plane.
+/// Returns whether a corner is further than [`BENT`] of the size of an outline from its plane.
 fn is_bent(corners: &[DVec3]) -> bool {
     let (low, high) = polygon::bounds(corners);
     corners.len() > 3 && polygon::planarity_error(corners) > BENT * low.distance(high)

@@ -35,7 +35,7 @@ const FILE_NAME: &str = "camera.toml";
 /// The angle, as a sine, within which a view counts as parallel to `up`.
 const PARALLEL: f64 = 1e-9;
 
-/// What a camera file says.
+/// The content of a camera file.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 struct CameraFile {
@@ -212,7 +212,7 @@ impl Camera {
         self
     }
 
-    /// Tells whether a view along `direction` has no vertical near `up`: they are parallel, and [`Camera::new`] refuses them.
+    /// Returns whether a view along `direction` has no vertical near `up`: they are parallel, and [`Camera::new`] refuses them.
     #[must_use]
     pub fn is_along(direction: DVec3, up: DVec3) -> bool {
         direction.normalize_or_zero().cross(up.normalize_or_zero()).length() < PARALLEL

@@ -18,7 +18,7 @@ mod rank;
 use piece::{Piece, Plane, convex_faces};
 use rank::Ranks;
 
-/// What was cut out of the faces of a scene.
+/// The parts that were cut out of the faces of a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct CutOut {
     /// The line of the first face that was cut out of a larger one.

@@ -115,7 +115,7 @@ fn n_fronts(targets: &[Target], camera: &Camera) -> usize {
         .count()
 }
 
-/// Tells whether the first face along a ray is met from the front; of the two sides of a sheet, the front counts.
+/// Returns whether the first face along a ray is met from the front; of the two sides of a sheet, the front counts.
 fn meets_front(targets: &[Target], origin: DVec3, direction: DVec3) -> bool {
     let mut first = f64::INFINITY;
     let mut front = false;

@@ -1,4 +1,4 @@
-//! What can be wrong with a scene, a material library or a camera file.
+//! Errors of a scene, a material library or a camera file.
 
 use std::fmt;
 use std::io;
@@ -82,9 +82,9 @@ pub enum Numbering {
     Lines,
     /// The elements of a file whose parts are no lines.
     Elements {
-        /// What an element is called: `triangle`, `cell`.
+        /// The name of an element: `triangle`, `cell`.
         noun: &'static str,
-        /// What messages call the one of number 1: 0 where the format counts from 0.
+        /// The number of the first one in messages: 0 where the format counts from 0.
         first: u32,
         /// The parts of the file, each with the number before its first element, in order; empty for a file without parts.
         parts: Vec<(u32, String)>,
@@ -189,7 +189,7 @@ fn outside_folder(library: &str, allowed: &str) -> String {
     format!("the library `{library}` lies outside the scene's folder; move it there, or say {allowed}")
 }
 
-/// What is wrong with a scene, a material library, a camera, a lighting or a list of frames, and the remedy.
+/// An error of a scene, a material library, a camera, a lighting or a list of frames, and the remedy.
 #[derive(Debug, thiserror::Error, strum::IntoStaticStr)]
 #[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
@@ -209,7 +209,7 @@ pub enum SceneErrorKind {
     /// The file is not written as its format wants it.
     #[error("expected {expected}, found `{}`; correct the file or export it again", quoted(.found))]
     Malformed {
-        /// What stands there in a file of the format.
+        /// The text that the format requires there.
         expected: String,
         /// The text in the file.
         found: String,
@@ -219,7 +219,7 @@ pub enum SceneErrorKind {
         "the file states {n} {what} and has room for {room}: it is cut short, or its header is wrong; export it again"
     )]
     Truncated {
-        /// What is counted, such as `triangles`.
+        /// The counted things, such as `triangles`.
         what: &'static str,
         /// How many there are to be.
         n: u64,
@@ -230,13 +230,13 @@ pub enum SceneErrorKind {
     #[error("the file ends within {what}: it is cut short; export it again")]
     #[strum(serialize = "truncated")]
     CutShort {
-        /// What is not complete.
+        /// The incomplete part.
         what: &'static str,
     },
     /// The file is of a kind that is not read.
     #[error("{}", printable_message(.message))]
     Unsupported {
-        /// What is not read, and the remedy.
+        /// The part that is not read, and the remedy.
         message: String,
     },
     /// A cell array was named that the file does not have.
@@ -258,7 +258,7 @@ pub enum SceneErrorKind {
     /// There are more faces, vertices or corners than can be numbered.
     #[error("{limit} {what} is the limit, and there are more; split the scene")]
     TooMany {
-        /// What is counted, such as `faces`.
+        /// The counted things, such as `faces`.
         what: &'static str,
         /// How many there may be.
         limit: u32,
@@ -292,7 +292,7 @@ pub enum SceneErrorKind {
     /// Slices of which one has neither one element for each face nor one for all.
     #[error("{n} {what} for {n_faces} faces; give one for each, or one for all")]
     NotOneEach {
-        /// What there is too little or too much of.
+        /// The things of which there are too few or too many.
         what: &'static str,
         /// How many there are.
         n: usize,
@@ -316,8 +316,8 @@ pub enum SceneErrorKind {
     },
     /// Two faces, or two flat parts of surfaces, that coincide with the same winding, so that neither is drawn on the other.
     #[error(
-        "the face overlaps {first} in one plane, with the same winding, and light would count twice there; \
-         remove one, move one out of the plane, or reverse one for a two-sided sheet"
+        "the face overlaps {first} in one plane, with the same winding, so radiation would count twice; \
+         remove one, move it out of the plane, or reverse it for a sheet"
     )]
     OverlappingFaces {
         /// The first face.
@@ -387,10 +387,10 @@ pub enum SceneErrorKind {
         /// Names that the scene has.
         known: String,
     },
-    /// The parser refused a text that had been checked: a defect of this crate, told instead of hidden.
+    /// The parser refused a text that had been checked: a defect of this crate, reported instead of hidden.
     #[error("the parser disagrees with the check before it ({}); please report the file", printable_message(.message))]
     Parser {
-        /// What the parser said.
+        /// The parser's message.
         message: String,
     },
     /// A camera file that cannot be understood or makes no camera.
@@ -420,7 +420,7 @@ pub enum SceneErrorKind {
     /// The file cannot be written.
     #[error("cannot be written: {source}; check the directory and its permissions")]
     Unwritable {
-        /// What the operating system said.
+        /// The operating system's message.
         source: io::Error,
     },
     /// The output path does not name an OBJ file.
@@ -431,7 +431,7 @@ pub enum SceneErrorKind {
         "the {what} name {name:?} cannot be written (empty, repeated, framed by blanks, or of several lines); rename it"
     )]
     UnwritableName {
-        /// What is named: `surface` or `material`.
+        /// The kind of name: `surface` or `material`.
         what: &'static str,
         /// The name.
         name: String,

@@ -22,7 +22,7 @@ pub struct Frame {
     pub camera: Option<PathBuf>,
     /// The line of the list where it begins.
     pub line: u32,
-    /// What moves, done one after another, each with its line.
+    /// The motions, in order, each with its line.
     moves: Vec<(u32, Motion)>,
 }
 

@@ -12,7 +12,7 @@ use super::toml_file::{TomlFile, first_names, fits};
 use super::{MAX_EXITANCE, Material, MaterialId, Scene, SceneError, SceneErrorKind, SurfaceId};
 use crate::printable::quoted;
 
-/// What one lighting changes of a scene's materials.
+/// The changes that one lighting makes to a scene's materials.
 ///
 /// ```toml
 /// [surface.lamp]
@@ -24,7 +24,7 @@ use crate::printable::quoted;
 /// ```
 ///
 /// A number counts for all three channels. In a name, `*` stands for any text; a name that is that of the scene counts before one with `*`, and of these the one with more letters.
-/// What is not named stays as the scene has it; where a surface and its material are both named, the surface counts.
+/// Everything else stays as the scene has it; where a surface and its material are both named, the surface counts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lighting {
     by_surface: BTreeMap<u32, Change>,
@@ -218,13 +218,13 @@ impl Lighting {
         lightings.into_iter().map(Self::reflectance_max).fold(0.0, f64::max)
     }
 
-    /// Tells whether it states a reflectance of what is made of a material and belongs to a surface.
+    /// Returns whether it states a reflectance of what is made of a material and belongs to a surface.
     pub(super) fn states_reflectance(&self, surface: SurfaceId, material: MaterialId) -> bool {
         let changes = [self.by_surface.get(&surface.0), self.by_material.get(&material.0)];
         changes.iter().flatten().any(|change| change.reflectance.is_some())
     }
 
-    /// Tells whether any face of a scene emits light in this lighting.
+    /// Returns whether any face of a scene emits light in this lighting.
     #[must_use]
     pub fn is_emitting(&self, scene: &Scene) -> bool {
         let mut exitances = scene

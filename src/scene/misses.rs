@@ -1,4 +1,4 @@
-//! What shows that short decimals were rounded: outlines that are nearly flat or nearly square, their halves, and vertices that nearly lie on an edge.
+//! Signs that short decimals were rounded: outlines that are nearly flat or nearly square, their halves, and vertices that nearly lie on an edge.
 
 use foldhash::{HashMap, HashMapExt as _};
 use glam::DVec3;
@@ -17,10 +17,10 @@ const MIN_SIDE: f64 = 30.0;
 /// The least share of rectangles that miss a right angle among pairs of triangles that make a quadrilateral: of an irregular mesh some do by chance.
 const MIN_SHARE: f64 = 0.25;
 
-/// What f64 leaves of heights and cosines that are 0.
+/// The rounding of f64 in heights and cosines that are 0.
 const NOISE: f64 = 1e-12;
 
-/// What the outlines of a file show.
+/// The signs of rounding in the outlines of a file.
 #[derive(Clone, Copy, Debug, Default)]
 #[expect(clippy::struct_field_names, reason = "counts are named n_ everywhere")]
 pub(super) struct Misses {
@@ -54,7 +54,7 @@ impl Misses {
         }
     }
 
-    /// Tells whether the faces of a file, which were seen, or its vertices miss each other by no more than a unit. Work: O(n log n) for n faces, unless boxes around edges meet many vertices.
+    /// Returns whether the faces of a file, which were seen, or its vertices miss each other by no more than a unit. Work: O(n log n) for n faces, unless boxes around edges meet many vertices.
     pub(super) fn show_rounding(self, scene: &Scene, written: &Written) -> bool {
         self.n_nearly_flat > self.n_bent
             || self.n_nearly_square > 0
@@ -63,7 +63,7 @@ impl Misses {
     }
 }
 
-/// Tells whether the corners between four edges, none of which is along an axis, are right angles but for what ends that are off by a unit explain.
+/// Returns whether the corners between four edges, none of which is along an axis, are right angles but for what ends that are off by a unit explain.
 fn is_nearly_square(edges: [DVec3; 4], unit: f64) -> bool {
     if edges.iter().any(|&edge| is_along_axis(edge)) {
         return false;
@@ -78,7 +78,7 @@ fn is_nearly_square(edges: [DVec3; 4], unit: f64) -> bool {
     cosines.iter().all(Option::is_some) && cosines.iter().flatten().any(|&cosine| cosine > NOISE)
 }
 
-/// Tells whether of the triangles that have their longest edge in common many are the halves of a turned rectangle whose corners miss a right angle.
+/// Returns whether of the triangles that have their longest edge in common many are the halves of a turned rectangle whose corners miss a right angle.
 fn has_nearly_square_halves(scene: &Scene, written: &Written) -> bool {
     let (low, high) = scene.bounding_box();
     let unit = written.unit(low.abs().max(high.abs()).max_element());
@@ -108,7 +108,7 @@ fn has_nearly_square_halves(scene: &Scene, written: &Written) -> bool {
     n_nearly_square > 0 && f64::from(n_nearly_square) >= MIN_SHARE * f64::from(n_pairs)
 }
 
-/// Tells whether a vertex is off an edge of a face that is not its own by less than a unit.
+/// Returns whether a vertex is off an edge of a face that is not its own by less than a unit.
 ///
 /// Vertices are a unit apart at least, as are gaps that are meant: these show nothing.
 fn has_vertex_beside_edge(scene: &Scene, written: &Written) -> bool {
@@ -168,7 +168,7 @@ mod tests {
 
     use super::super::load;
 
-    /// Tells whether a file with these outlines shows that it was rounded.
+    /// Returns whether a file with these outlines shows that it was rounded.
     fn shows_rounding(outlines: &[&[DVec3]], number: impl Fn(f64) -> String) -> bool {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("scene.obj");

@@ -247,13 +247,13 @@ impl Scene {
         }
     }
 
-    /// Tells whether any face emits light: some channel of E of its material is positive.
+    /// Returns whether any face emits light: some channel of E of its material is positive.
     #[must_use]
     pub fn is_emitting(&self) -> bool {
         self.materials_in_use().any(|m| m.exitance.iter().any(|&e| e > 0.0))
     }
 
-    /// Tells whether any face reflects light: some channel of ρ of its material is positive.
+    /// Returns whether any face reflects light: some channel of ρ of its material is positive.
     #[must_use]
     pub fn is_reflecting(&self) -> bool {
         self.materials_in_use()

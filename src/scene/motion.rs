@@ -75,7 +75,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Tells whether a surface is among those that move.
+    /// Returns whether a surface is among those that move.
     pub(super) fn moves(&self, name: &str) -> bool {
         self.surface.as_slice().iter().any(|moving| moving == name)
     }
@@ -127,9 +127,9 @@ pub enum MotionError {
     BadNumber {
         /// Which one.
         name: &'static str,
-        /// What it is.
+        /// Its kind.
         value: String,
-        /// What it should be.
+        /// The expected value.
         wanted: &'static str,
     },
     /// A corner goes where no corner may be.
@@ -139,7 +139,7 @@ pub enum MotionError {
         surface: String,
     },
     /// A face comes to lie on another in one plane.
-    #[error("a face of `{}` comes to lie on one of `{}` in one plane, both facing the same way, and light would count twice there; move it elsewhere, or out of the plane",
+    #[error("a face of `{}` comes to lie on one of `{}` in one plane, with the same orientation, so radiation would count twice; move it elsewhere",
         quoted(.surface), quoted(.other))]
     Coincident {
         /// The surface that the face belongs to, one that moves.
@@ -211,7 +211,7 @@ impl Pose {
             .fold(direction, |direction, motion| motion.direction(direction))
     }
 
-    /// Tells whether a surface is named in any motion.
+    /// Returns whether a surface is named in any motion.
     #[must_use]
     pub fn moves(&self, surface: SurfaceId) -> bool {
         self.of(surface).next().is_some()

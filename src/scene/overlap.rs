@@ -23,7 +23,7 @@ const UNITS: f64 = 2.0;
 /// The width, in such strips, of a face that lies on another for the most part by rounding alone: such a face is itself hardly wider than what rounding makes.
 const COVERED: f64 = 0.05;
 
-/// What f64 leaves uncertain of a distance between planes, in units of the greatest |coordinate|.
+/// The uncertainty of a distance between planes in f64, in units of the greatest |coordinate|.
 const ULPS: f64 = 8.0 * f64::EPSILON;
 
 /// The greatest angle between the normals of two faces in one plane, in rad: a narrow face does not tell its normal better.
@@ -152,7 +152,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// What is asked of a face again and again.
+/// Properties of a face that are used again and again.
 struct Measures {
     normal: DVec3,
     area: f64,
@@ -196,7 +196,7 @@ impl Measures {
         }
     }
 
-    /// Tells whether the normal is that of another face, as far as both are known.
+    /// Returns whether the normal is that of another face, as far as both are known.
     fn is_parallel_to(&self, other: &Self) -> bool {
         let angle = PARALLEL + self.lean() + other.lean();
         self.normal.distance(other.normal) <= angle.min(PARALLEL_IF_ROUNDED)
@@ -208,12 +208,12 @@ impl Measures {
     }
 }
 
-/// Tells whether a vector has one component at most.
+/// Returns whether a vector has one component at most.
 pub(super) fn is_along_axis(vector: DVec3) -> bool {
     vector.to_array().iter().filter(|x| x.abs() > 0.0).count() < 2
 }
 
-/// Tells whether all edges of an outline are along axes, but for the diagonal in half of a rectangle.
+/// Returns whether all edges of an outline are along axes, but for the diagonal in half of a rectangle.
 fn is_along_axes(corners: &[DVec3]) -> bool {
     let next = corners.iter().cycle().skip(1);
     let n_along = corners

@@ -12,14 +12,14 @@ const MIN_DIGITS: i32 = 6;
 /// Heights of a rounded corner over the plane of three others, by the rounding of a coordinate: the standard deviation is about 1.
 const HEIGHT: f64 = 4.0;
 
-/// What counts as touching, by how far a corner may be off: a coordinate's rounding in each of three directions.
+/// The distance within which faces count as touching: the rounding of a coordinate in each of three directions.
 pub(crate) const SLACK_PER_CORNER: f64 = HEIGHT / 1.732_050_807_568_877_2;
 
 impl Scene {
     /// Returns the height, in m, up to which faces that were meant to touch or to lie in one plane may stand out from each other: two units of the last digit in which the file has its coordinates, or
     /// twice what a quad is bent, if that is more. Files with five digits or fewer or whole numbers alone, scenes along the axes, and those made in memory are meant as they are, but for bent quads.
     ///
-    /// Rotated scenes in files with six decimals have 2e-6. What is thinner than that cannot be told from what touches.
+    /// Rotated scenes in files with six decimals have 2e-6. Thinner gaps are indistinguishable from contact.
     pub(crate) fn slack(&self) -> f64 {
         let quads = self.faces.par_iter().filter(|face| face.corners.as_slice().len() > 3);
         let bent = quads

@@ -11,7 +11,7 @@ use crate::geometry::polygon;
 /// bending remains changes the area by its square.
 pub(crate) const PLANARITY: f64 = 1e-6;
 
-/// What an outline is.
+/// The kind of an outline.
 #[derive(Debug, PartialEq)]
 pub(super) enum Outline {
     /// Flat faces, as places in the outline, each in the winding of the outline.

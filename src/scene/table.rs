@@ -9,7 +9,7 @@ use serde::Deserialize;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 
-/// What a table holds, for the message where there is none.
+/// The content of a table, for the message where there is none.
 pub(crate) trait Content {
     /// Completes "expected".
     const EXPECTED: &'static str;

@@ -37,7 +37,7 @@ impl TomlFile {
     /// Parses the text; `what` completes "correct the ...".
     ///
     /// # Errors
-    /// What is no such TOML, with its line.
+    /// An error of the TOML, with its line.
     pub(crate) fn parsed<T: DeserializeOwned>(&self, what: &str) -> Result<T, SceneError> {
         toml::from_str(&self.text).map_err(|error| {
             let message = plain(error.message().trim());
@@ -88,7 +88,7 @@ pub(crate) fn first_names<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> 
     shown.join(", ")
 }
 
-/// Tells whether a text fits a pattern, in which `*` stands for any text.
+/// Returns whether a text fits a pattern, in which `*` stands for any text.
 pub(crate) fn fits(pattern: &str, text: &str) -> bool {
     let mut parts = pattern.split('*');
     let Some(mut rest) = parts.next().and_then(|first| text.strip_prefix(first)) else {

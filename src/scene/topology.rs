@@ -1,4 +1,4 @@
-//! What the faces of a scene tell about visibility before any ray is traced.
+//! Visibility that follows from the faces of a scene before any ray is traced.
 
 mod caps;
 mod pieces;
@@ -14,7 +14,7 @@ pub(crate) use pieces::{Pieces, joint};
 use regions::Sides;
 pub(crate) use regions::{Backs, Place, View, places};
 
-/// Tells whether no face can occlude one from another: a convex room without anything in it, or a part of one.
+/// Returns whether no face can occlude one from another: a convex room without anything in it, or a part of one.
 ///
 /// True if every vertex lies in front of, or on, the plane of every face. All faces then lie on the boundary of one convex set,
 /// and a segment between two of them stays inside it. Conservative: a scene that is convex but for rounding above 1e-12 of its size, or 1e-9 of its smallest face, counts as not convex,
@@ -43,7 +43,7 @@ pub fn is_convex_and_empty(scene: &Scene) -> bool {
     })
 }
 
-/// Tells whether the light that leaves any front stays inside: the scene bounds a closed space.
+/// Returns whether the light that leaves any front stays inside: the scene bounds a closed space.
 ///
 /// True if the fronts of all faces lie inside of pieces that are closed and face inwards. A piece is closed if faces run along every part of its edges as often in one sense as in
 /// the other, also in T-junctions and where vertices miss each other by the rounding of coordinates, or by 1e-8 of the smallest face around them; or if it ends on faces of others that cover what is missing, as a block without a bottom does on a floor. Conservative: where faces of several pieces lie on each other, or

@@ -1,11 +1,11 @@
-//! What a scene leaves open, and how it was filled: the scene is usable, but perhaps not what was meant.
+//! Doubts about a scene, and how they were settled: the scene is usable, but perhaps not as intended.
 
 use super::Origin;
 use crate::printable::{counted, quoted, short};
 
 /// A doubt about a scene that was loaded, with its place.
 ///
-/// Each kind is told once per cause, with the first place and a count, not once per face.
+/// Each kind is reported once per cause, with the first place and a count.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{at}{kind}")]
 pub struct SceneWarning {
@@ -15,7 +15,7 @@ pub struct SceneWarning {
     pub kind: SceneWarningKind,
 }
 
-/// What is doubtful about a scene.
+/// The kind of doubt about a scene.
 #[derive(Clone, Debug, PartialEq, thiserror::Error, strum::IntoStaticStr)]
 #[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
@@ -51,7 +51,7 @@ pub enum SceneWarningKind {
     SkippedStatements {
         /// How many there are.
         count: usize,
-        /// What they are, in the plural.
+        /// Their name, in the plural.
         what: &'static str,
     },
     /// Parts of one kind, which are no surfaces, were skipped.
@@ -59,7 +59,7 @@ pub enum SceneWarningKind {
     SkippedElements {
         /// How many there are.
         count: usize,
-        /// What they are, in the plural.
+        /// Their name, in the plural.
         what: &'static str,
     },
     /// Faces of higher order are read as flat, through their corners.
@@ -105,7 +105,7 @@ pub enum SceneWarningKind {
     BlackSurfaces {
         /// How many faces there are.
         count: usize,
-        /// What they are in the format, in the plural.
+        /// Their name in the format, in the plural.
         what: &'static str,
     },
     /// Keywords in capitals were read as if they were in small letters.
@@ -149,7 +149,7 @@ pub enum SceneWarningKind {
     /// A material in use states something that a diffuse face has no use for.
     #[error("{what} of material `{}` is not used: surfaces are diffuse and opaque", quoted(.name))]
     IgnoredProperty {
-        /// What it is.
+        /// Its kind.
         what: &'static str,
         /// The material's name.
         name: String,
@@ -214,7 +214,7 @@ impl SceneWarningKind {
         self.into()
     }
 
-    /// Tells whether the warning is about light and materials alone: of no interest where only the geometry counts. A library that was not found where the file says counts everywhere.
+    /// Returns whether the warning is about light and materials alone: of no interest where only the geometry counts. A library that is not where the file names it always counts.
     #[must_use]
     pub fn is_about_light(&self) -> bool {
         matches!(

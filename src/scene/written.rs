@@ -9,7 +9,7 @@ const SINGLE_BITS: u32 = 400;
 /// Places after the point that people and surveys write: multiples of 1/8 need no f32 to explain them.
 const SHORT_PLACES: i32 = 3;
 
-/// What the digits of a file's coordinates tell about their rounding.
+/// The rounding of a file's coordinates, as their digits show it.
 ///
 /// Programs write either so many places after the point (`%.3f`), or so many digits in all (`%.6g`, `%e`), and some leave trailing zeros out. Zeros after the point, or else the counts of the
 /// numbers that have the most of either, tell which; exponents without such zeros are those of a number of digits. Numbers that are all near an f32, with more digits than that needs, come from f32.
@@ -26,7 +26,7 @@ pub struct Written {
     by_places: bool,
     /// True if a number has an exponent.
     has_exponent: bool,
-    /// What speaks for f32, in hundredths of a bit; `None` if a number is no f32.
+    /// The evidence for f32, in hundredths of a bit; `None` if a number is no f32.
     single: Option<u32>,
     /// True if a binary f32 has more digits than a short number.
     is_binary_single: bool,
@@ -124,18 +124,18 @@ impl Written {
         }
     }
 
-    /// Tells whether the coordinates were rounded: some need six digits, or the mesh misses itself by what rounding explains. Whole numbers and short decimals are what is meant.
+    /// Returns whether the coordinates were rounded: some need six digits, or the mesh misses itself by what rounding explains. Whole numbers and short decimals are what is meant.
     #[must_use]
     pub fn shows_rounding(&self) -> bool {
         self.needed >= Self::MIN_DIGITS || self.is_binary_single || self.least > 0.0 || self.misses
     }
 
-    /// Tells whether points that nearly meet may be one: the coordinates [were rounded](Self::shows_rounding), or look it, whatever they need.
+    /// Returns whether points that nearly meet may be one: the coordinates [were rounded](Self::shows_rounding), or look it, whatever they need.
     pub(super) fn may_part_points(&self) -> bool {
         self.shows_rounding() || self.is_rounded(Self::MIN_DIGITS)
     }
 
-    /// Tells whether numbers look rounded: with places after the point, and at least so many digits.
+    /// Returns whether numbers look rounded: with places after the point, and at least so many digits.
     pub(super) fn is_rounded(&self, least_digits: i32) -> bool {
         let has_digits = self.digits.0 >= least_digits && self.places.is_some_and(|places| places.0 > 0);
         has_digits || self.is_binary_single || self.least > 0.0
@@ -180,7 +180,7 @@ impl Written {
         }
     }
 
-    /// Tells whether the numbers come from f32.
+    /// Returns whether the numbers come from f32.
     fn is_single(&self) -> bool {
         self.is_binary_single || self.single.is_some_and(|bits| bits >= SINGLE_BITS)
     }
@@ -215,7 +215,7 @@ impl fmt::Display for Written {
     }
 }
 
-/// What a file has the same number of in all its coordinates.
+/// The kind of digit that all coordinates of a file have the same number of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Counts {
     /// Places after the point.

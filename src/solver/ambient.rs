@@ -4,7 +4,7 @@ use super::deflation::leave_undetermined;
 use super::scaled::Scaled;
 use crate::matrix::operator::Block;
 
-/// What the ambient term needs to know of a system, by connected component and channel.
+/// The sums of a system that the ambient term needs, by connected component and channel.
 ///
 /// The ambient irradiance of unshot radiosities ΔB in a room is
 ///

@@ -40,11 +40,11 @@ use super::vectors::equal_channels;
 /// The choice and its reason are in [`Solution::choice`]. How far it is from the best: `radiosity reproduce stability` prints the ratios of work and time, case by case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Auto {
-    /// What `pcg` would be set to.
+    /// The settings of `pcg`.
     pub pcg: Pcg,
-    /// What `gmres` would be set to.
+    /// The settings of `gmres`.
     pub gmres: Gmres,
-    /// What `direct` would be set to.
+    /// The settings of `direct`.
     pub direct: Direct,
 }
 
@@ -62,7 +62,7 @@ const PASSES_PER_DIGIT: f64 = 1.5;
 
 pub(super) const ENTRY: SolverEntry = SolverEntry {
     name: "auto",
-    summary: "Whichever of the others suits the system; says which, and why",
+    summary: "The solver that suits the system; reports which, and why",
     settings: &[RESTARTED, DEFLATED],
     symmetry: |_| Symmetry::Helps,
     uses_hierarchy: false,
@@ -131,7 +131,7 @@ impl Auto {
         }
     }
 
-    /// Tells whether a factorisation takes less time than an iteration, and why.
+    /// Returns whether a factorisation takes less time than an iteration, and why.
     fn direct_pays(&self, system: &RadiositySystem, digits: f64, spectral_radius: f64) -> Option<ChoiceReason> {
         let n = system.n_patches();
         let groups = equal_channels(system.reflectance()).len();
@@ -202,7 +202,7 @@ fn mean_squared_eigenvalue(system: &RadiositySystem) -> f64 {
     sums.into_iter().fold(0.0, f64::max) / system.n_patches() as f64
 }
 
-/// What one more channel adds to a pass, as a share of the first.
+/// The cost that one more channel adds to a pass, as a share of the first.
 const CHANNEL_COST: f64 = 0.3;
 
 /// Returns min and max of ρ_i Σ_j F_ij, between which the spectral radius of diag(ρ) F lies; over the worst channel.

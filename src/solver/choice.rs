@@ -1,4 +1,4 @@
-//! Which solver `auto` chose, and why.
+//! The solver that `auto` chose, and the reason.
 
 use std::fmt;
 

@@ -1,4 +1,4 @@
-//! The even light of each component, taken out of a Krylov method's way.
+//! Deflation of Krylov methods by the even light of each connected component.
 
 use super::scaled::{Scaled, TrueResidual};
 use super::settings::SolverSettings;
@@ -22,7 +22,7 @@ pub enum Deflate {
 /// Whether the even light of each room is taken out of a Krylov method's way: a [`Deflate`].
 pub static DEFLATION: Setting = Setting {
     name: "deflation",
-    help: "Whether the even light of each room is taken out of the way",
+    help: "Whether the even radiosity of each enclosure is deflated",
     letter: "DEFLATION",
     kind: Kind::Choice(Deflate::NAMES),
 };
@@ -33,7 +33,7 @@ pub(super) const DEFLATED: Use = DEFLATION.or(Value::Choice("auto"));
 impl Deflate {
     /// The names, each with what it stands for.
     pub const NAMES: &[(&str, &str)] = &[
-        ("auto", "Where the mean reflectance is so high that it saves time"),
+        ("auto", "Where the mean reflectance is high enough to save time"),
         ("always", "Always"),
         ("never", "Never"),
     ];
@@ -48,7 +48,7 @@ impl Deflate {
     }
 }
 
-/// The mean reflectance above which deflation pays for what it adds to the first pass and to the sums of each.
+/// The mean reflectance above which deflation saves more than it adds to the first pass and to the sums of each.
 pub const DEFLATED_FROM: f64 = 0.4;
 
 impl Deflate {
@@ -65,7 +65,7 @@ impl Deflate {
     }
 }
 
-/// What even irradiances on all components send on.
+/// The images of even irradiances on all components.
 pub(super) struct Sent {
     /// F ρ, \[n, c\]; 0 in the channels that are left alone.
     irradiance: Block,

@@ -1,4 +1,4 @@
-//! What a solver says of itself to the registry.
+//! The entry of a solver in the registry.
 
 use super::settings::SolverSettings;
 use super::solve::Solver;
@@ -9,11 +9,11 @@ use crate::setting::Use;
 pub struct SolverEntry {
     /// The name on the command line.
     pub name: &'static str,
-    /// What it does, in a few words.
+    /// A description in a few words.
     pub summary: &'static str,
     /// The settings that it uses.
     pub settings: &'static [Use],
-    /// What symmetric exchange areas A_i F_ij are to it, as it is set.
+    /// Its need for symmetric exchange areas A_i F_ij, with its settings.
     pub symmetry: fn(&SolverSettings) -> Symmetry,
     /// Whether it uses [`SolverSettings::hierarchy`].
     pub uses_hierarchy: bool,
@@ -21,7 +21,7 @@ pub struct SolverEntry {
     pub make: fn(&SolverSettings) -> Option<Box<dyn Solver>>,
 }
 
-/// What symmetric exchange areas A_i F_ij are to a solver.
+/// The need of a solver for symmetric exchange areas A_i F_ij.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Symmetry {
     /// Of no use.

@@ -1,4 +1,4 @@
-//! What can be wrong with a radiosity system.
+//! Errors of a radiosity system.
 
 use thiserror::Error;
 
@@ -15,7 +15,7 @@ pub enum SolverError {
     /// Sizes that do not fit one another.
     #[error("{what}: {found}, but {expected} are needed")]
     Shape {
-        /// What has the wrong size.
+        /// The quantity of the wrong size.
         what: &'static str,
         /// The size that is needed.
         expected: usize,
@@ -84,9 +84,9 @@ pub enum SolverError {
     Memory {
         /// The solver's name.
         solver: &'static str,
-        /// What it needs.
+        /// The memory needed.
         needed_byte: u64,
-        /// What it may take.
+        /// The limit.
         limit_byte: u64,
     },
     /// A name that no solver has.

@@ -104,7 +104,7 @@ struct Proof {
 }
 
 impl Proof {
-    /// Looks for a proof; tells also how many passes over F that took.
+    /// Looks for a proof, and returns also the number of passes over F that it took.
     fn find(scaled: &Scaled, lit: &[usize]) -> (Option<Self>, usize) {
         if lit.is_empty() {
             return (None, 0);

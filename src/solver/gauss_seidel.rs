@@ -16,7 +16,7 @@ use crate::matrix::operator::{Block, RowAccess};
 /// for all patches, and in any room that has a finite solution and row sums of at most 1; the error falls by about ρ² a pass, so a room with reflectances near
 /// 1 takes many. Needs rows, not reciprocity.
 ///
-/// A sweep meets the residual r_i of every patch just before it mends it; these are the estimate in the history. They lag
+/// A sweep meets the residual r_i of every patch just before it corrects it; these are the estimate in the history. They lag
 /// by one sweep and so overstate the residual left. When they meet the tolerance, the true residual is calculated
 /// with one more pass over F, and sweeps go on until it meets the tolerance as well.
 ///

@@ -1,4 +1,4 @@
-//! `gauss-seidel-ambient`: Gauss-Seidel with the light of each room put right after every sweep.
+//! `gauss-seidel-ambient`: Gauss-Seidel with an ambient correction of each enclosure after every sweep.
 
 use super::deflation::leave_undetermined;
 use super::entry::{SolverEntry, Symmetry};
@@ -13,7 +13,7 @@ use crate::matrix::operator::{Block, RowAccess};
 
 /// Gauss-Seidel with an ambient correction of each connected component after every sweep, all channels together.
 ///
-/// What Gauss-Seidel is slow at is the total light of a room of high reflectance. After a sweep that changed B by δ, every component K gets
+/// Gauss-Seidel converges slowly in the total power of an enclosure of high reflectance. After a sweep that changed B by δ, every component K gets
 ///
 /// B_i ← B_i + ρ_i h_K, h_K = Σ_{i∈K} A_i r_i / Σ_{i∈K} A_i ρ_i (1 − Σ_j F_ij ρ_j),
 ///
@@ -34,7 +34,7 @@ pub struct GaussSeidelAmbient;
 
 pub(super) const ENTRY: SolverEntry = SolverEntry {
     name: "gauss-seidel-ambient",
-    summary: "Gauss-Seidel with the total light of each room put right after every sweep",
+    summary: "Gauss-Seidel with an ambient correction of each enclosure after every sweep",
     settings: &[],
     symmetry: |_| Symmetry::Unused,
     uses_hierarchy: false,
@@ -79,7 +79,7 @@ struct State<'a> {
     work: f64,
 }
 
-/// What the correction needs to know of the system.
+/// The sums of the system that the correction needs.
 struct AmbientCorrection {
     /// q, \[n, c\].
     shares: Block,

@@ -57,7 +57,7 @@ pub struct Gmres {
 }
 
 impl Default for Gmres {
-    /// m = 30, with deflation where it pays.
+    /// m = 30, with deflation where it saves time.
     fn default() -> Self {
         Self {
             restart: const { NonZeroUsize::new(30).expect("positive") },

@@ -1,4 +1,4 @@
-//! What a solver did, pass by pass.
+//! The history of a solver, pass by pass.
 
 use std::ops::ControlFlow;
 use std::time::Instant;
@@ -31,7 +31,7 @@ pub struct HistoryEntry {
     /// sqrt(Σ r²), W·m⁻²: Baranoski, Bramley and Shirley 1995, equation (26). It depends on how finely the scene is cut.
     #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
     pub residual_euclidean: f64,
-    /// True where the solver's own running estimate stands in for the residual: each solver says what it estimates.
+    /// True where the solver's own running estimate stands in for the residual: each solver documents its estimate.
     /// False where the residual was calculated from the radiosities themselves.
     pub estimated: bool,
     /// The errors, where a reference solution is known.
@@ -56,7 +56,7 @@ pub struct Errors {
 /// A function that is called after every pass of a solver, and stops it by breaking.
 pub type Monitor<'a> = &'a mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>;
 
-/// What was done before the first pass.
+/// The work before the first pass.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Setup {
     /// In passes over F.
@@ -65,7 +65,7 @@ pub(super) struct Setup {
     pub(super) time_s: f64,
 }
 
-/// Keeps the history and tells the caller's monitor.
+/// Keeps the history and calls the caller's monitor.
 pub(super) struct Recorder<'a> {
     start: Instant,
     /// Time that went into the history.
@@ -108,7 +108,7 @@ impl<'a> Recorder<'a> {
         result
     }
 
-    /// Tells whether these norms, of a true residual, are not yet what the last entry holds.
+    /// Returns whether these norms, of a true residual, are not yet what the last entry holds.
     pub(super) fn lacks(&self, norms: &Norms) -> bool {
         let holds = |last: &HistoryEntry| {
             !last.estimated

@@ -1,4 +1,4 @@
-//! What all iterations share: when to look at the true residual, when to stop, what to write down.
+//! The parts that all iterations share: when to look at the true residual, when to stop, what to write down.
 
 use super::best::Best;
 use super::error::SolverError;
@@ -12,7 +12,7 @@ use crate::matrix::operator::Block;
 /// A residual that has not fallen below this share of the one before it has gained nothing, and an estimate below this share of the true residual is wrong.
 const GAIN: f64 = 0.5;
 
-/// What checks of the true residual have said of the estimates that asked for them.
+/// The outcome of checks of the true residual against the estimates that triggered them.
 struct Checks {
     /// The last true residual, over the tolerance.
     before: f64,
@@ -21,7 +21,7 @@ struct Checks {
 }
 
 impl Checks {
-    /// Takes in a residual and the estimate of it that met the tolerance, both over the tolerance, and tells whether estimates lead nowhere.
+    /// Takes in a residual and the estimate of it that met the tolerance, both over the tolerance, and returns whether the estimates are useless.
     ///
     /// Those that do not drift lag behind: they are to fall by as much more, and that is no standing still. Nor is it where estimates that drift are off by little.
     fn observe(&mut self, truth: f64, estimate: f64, drifts: bool) -> bool {
@@ -38,7 +38,7 @@ impl Checks {
     }
 }
 
-/// What an iteration knows of its residual after a pass.
+/// The residual of an iteration after a pass, as far as it is known.
 pub(super) enum Estimate {
     /// The norms that its own account gives; the true residual is calculated when they meet the tolerance.
     Running(Norms),
@@ -56,7 +56,7 @@ pub(super) trait Iteration {
     /// True if no channel's residual, by `Tolerance::ResidualL2`, is ever above what it was a pass before: the last radiosities are then the best.
     const NEVER_RISES: bool = false;
 
-    /// False if estimates come from F in each pass anew, as those of sweeps do: patience alone tells then whether the method stands still.
+    /// False if estimates come from F in each pass anew, as those of sweeps do: patience alone then detects stagnation.
     const DRIFTS: bool = true;
 
     /// Returns the residual of the radiosities before the first pass, with one pass over F, through which further vectors may go: that counts as one pass, as any number of channels does.
@@ -64,7 +64,7 @@ pub(super) trait Iteration {
         scaled.true_residual(&self.radiosity())
     }
 
-    /// Spends one pass. `excess` tells by what factor each channel's residual exceeds the tolerance, infinity before it is known:
+    /// Counts one pass. `excess` is the factor by which each channel's residual exceeds the tolerance, infinity before it is known:
     /// channels at 1 or below may rest.
     fn pass(&mut self, excess: &[f64]) -> Estimate;
 
@@ -283,7 +283,7 @@ pub(super) fn run<I: Iteration>(
     })
 }
 
-/// What became of radiosities that meet the tolerance.
+/// The fate of radiosities that meet the tolerance.
 enum Mended {
     /// None is negative, or they may be.
     NotNeeded,

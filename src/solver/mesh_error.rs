@@ -1,4 +1,4 @@
-//! How far radiosities would be off on a coarser mesh: what tells of the error of the mesh.
+//! The error of radiosities on a coarser mesh, as an estimate of the error of the mesh.
 
 use std::ops::{ControlFlow, Range};
 
@@ -18,14 +18,14 @@ const TOLERANCE: f64 = 1e-2;
 /// Passes after which nothing is known.
 const MAX_PASSES: usize = 100;
 
-/// What a solution would be on the next coarser mesh.
+/// A solution on the next coarser mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Coarsened {
     /// The patches of that mesh.
     pub n_patches: usize,
-    /// What its radiosities are more than the means of the finer ones over its patches, W·m⁻², \[n, c\].
+    /// Its radiosities less the means of the finer ones over its patches, W·m⁻², \[n, c\].
     pub change: Block,
-    /// What the radiosities are more than these means, W·m⁻², \[n, c\].
+    /// The radiosities less these means, W·m⁻², \[n, c\].
     pub spread: Block,
 }
 

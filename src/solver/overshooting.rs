@@ -32,7 +32,7 @@ use crate::setting::Value;
 /// With exitances of both signs there is no even irradiance to reckon with, and it is progressive refinement.
 ///
 /// Converges faster than progressive refinement in bright rooms (a quarter of the steps at ρ_avg = 0.88), but no proof says that it must, and from
-/// about 1 − ρ = 1e-3 on it is slow or diverges, which the [`StopReason`](super::StopReason) tells.
+/// about 1 − ρ = 1e-3 on it is slow or diverges, as the [`StopReason`](super::StopReason) shows.
 ///
 /// Memory: 3 vectors. Work: n steps read as much of F as one application, and all vectors once a step.
 /// Source: Baranoski, Bramley and Shirley 1995, section 1.2. Departures: R_i in line 7 is ρ_i, as the ambient term holds R already; line 13 is
@@ -46,7 +46,7 @@ pub struct Overshooting {
 
 pub(super) const ENTRY: SolverEntry = SolverEntry {
     name: "overshooting",
-    summary: "Patches shoot what they have and what will come back (Feda)",
+    summary: "Patches shoot their unshot power and what will return (Feda)",
     settings: &[STEPS_PER_PASS.optional(), DISPLAY_AMBIENT.optional()],
     symmetry: |_| Symmetry::Unused,
     uses_hierarchy: false,

@@ -147,7 +147,7 @@ impl<'a> State<'a> {
         self.is_spent = false;
     }
 
-    /// Tells whether a channel still moves. Even light may have been all that was missing: then nothing is left to do, and K p = 0 says nothing of K.
+    /// Returns whether a channel still changes. If only even light was missing, nothing is left to do, and K p = 0 does not show that K is singular.
     fn moves(&self, excess: &[f64], channel: usize) -> bool {
         excess[channel] > 1.0 && (self.squared[channel] > 0.0 || self.squared[channel].is_nan())
     }

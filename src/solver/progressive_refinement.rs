@@ -39,7 +39,7 @@ use crate::setting::{Kind, Setting, Value};
 /// [`Start::Exitance`]: B̂ = 0 and ΔB = E.
 ///
 /// [`Solution::display`](super::Solution::display) is B_i + ρ_i Ambient, with Ambient the even irradiance that the unshot light ends as: it emits, absorbs and lets out as much power
-/// as the solution, at every step. [`Solution::selections`](super::Solution::selections) tells how often each patch has shot.
+/// as the solution, at every step. [`Solution::selections`](super::Solution::selections) holds the number of shots of each patch.
 ///
 /// Converges where all ρ_i Σ_j F_ij < 1: every step takes power out of ΔB. It slows down like 1 / (1 − ρ).
 ///
@@ -63,7 +63,7 @@ pub static STEPS_PER_PASS: Setting = Setting {
 /// Whether an estimate of the unshot light is added: [`Solution::displayed`](super::Solution::displayed).
 pub static DISPLAY_AMBIENT: Setting = Setting {
     name: "display_ambient",
-    help: "Add an estimate of the unshot light to the radiosities, for a picture after few passes",
+    help: "Add an estimate of the unshot light to the radiosity, for an image after few passes",
     letter: "",
     kind: Kind::Flag,
 };
@@ -119,7 +119,7 @@ pub(super) struct Light<'a> {
     pub(super) enough: Option<f64>,
     /// Steps of the last pass.
     pub(super) n_steps: usize,
-    /// What was done before the first step.
+    /// The work before the first step.
     pub(super) setup: Setup,
 }
 

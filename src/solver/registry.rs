@@ -72,7 +72,7 @@ impl SolverEntry {
         Ok(self.build(settings))
     }
 
-    /// Tells whether it needs symmetric exchange areas, unless settings change that.
+    /// Returns whether it needs symmetric exchange areas, unless settings change that.
     #[must_use]
     pub fn needs_reciprocity(&self) -> bool {
         (self.symmetry)(&SolverSettings::default()) == Symmetry::Needed

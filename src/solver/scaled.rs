@@ -92,7 +92,7 @@ impl<'a> Rooms<'a> {
     }
 }
 
-/// What the radiosities themselves say.
+/// The figures that follow from the radiosities alone.
 pub(super) struct TrueResidual {
     /// r = E − B + ρ H.
     pub(super) residual: Block,
@@ -121,7 +121,7 @@ impl<'a> Scaled<'a> {
         }
     }
 
-    /// Tells whether all patches are in one room.
+    /// Returns whether all patches are in one enclosure.
     pub(super) fn is_one_room(&self) -> bool {
         self.rooms.is_none()
     }
@@ -131,12 +131,12 @@ impl<'a> Scaled<'a> {
         Block::zeros(self.system.n_patches(), self.system.n_channels())
     }
 
-    /// Tells whether a channel emits nothing: then it has no light.
+    /// Returns whether a channel emits nothing: then it has no light.
     pub(super) fn is_dark(&self, channel: usize) -> bool {
         self.exitance_l2[channel] <= 0.0
     }
 
-    /// Takes the mean out of `radiosity` in the components that nothing determines the mean of; tells whether there was any.
+    /// Takes the mean out of `radiosity` in components whose mean is undetermined; returns whether there are any.
     pub(super) fn remove_free_means(&self, radiosity: &mut Block) -> bool {
         let mut any = false;
         for c in 0..self.system.n_channels() {

@@ -1,4 +1,4 @@
-//! What a solver returns.
+//! The result of a solver.
 
 use std::ops::Range;
 
@@ -26,7 +26,7 @@ pub struct Solution {
     pub n_passes: usize,
     /// Further passes over F that were spent on true residuals.
     pub n_checks: usize,
-    /// What was done before the first pass, such as making coarse matrices, in passes over F.
+    /// The work before the first pass, such as making coarse matrices, in passes over F.
     pub setup_work: f64,
     /// Wall time of that, s.
     pub setup_s: f64,
@@ -37,9 +37,9 @@ pub struct Solution {
     /// A bound of the relative error ‖B − B*‖ / ‖B‖, ‖x‖² = Σ A x², the worst channel; B* solves the system exactly.
     /// `None` where none can be proved: see the error of the form factors for the rest.
     pub error_bound: Option<f64>,
-    /// What of this holds of each channel by itself.
+    /// The same figures for each channel by itself.
     pub channels: Vec<ChannelQuality>,
-    /// What happened pass by pass; the last entry holds the true residual of what is returned.
+    /// The history, pass by pass; the last entry holds the true residual of what is returned.
     pub history: Vec<HistoryEntry>,
     /// B with an estimate of the light that is still under way, W·m⁻², \[n, c\], for pictures before convergence; where the solver has one.
     pub display: Option<Block>,
@@ -198,7 +198,7 @@ impl Solution {
         }
     }
 
-    /// Tells what black backs take apart from what escapes, in [`energy`](Self::energy), before anything else than B stands in `radiosity`. `areas`: A, m², \[n\]; `backs`: the fraction of
+    /// Separates the power that back faces absorb from the power that escapes, in [`energy`](Self::energy), before anything else than B stands in `radiosity`. `areas`: A, m², \[n\]; `backs`: the fraction of
     /// the light of each patch that backs take, \[n\].
     ///
     /// # Panics
@@ -258,7 +258,7 @@ impl Solution {
         })
     }
 
-    /// Puts a solution together. `truth` belongs to `radiosity`, in solver units; `gave_up` tells why the solver stopped
+    /// Puts a solution together. `truth` belongs to `radiosity`, in solver units; `gave_up` is the reason why the solver stopped
     /// where it did not reach the tolerance. Fails if F could not be read.
     pub(super) fn new(
         scaled: &Scaled,
@@ -320,7 +320,7 @@ impl Solution {
     }
 }
 
-/// Returns what holds of each channel of radiosities in solver units; `stop_reason` tells why the work on it ended.
+/// Returns what holds of each channel of radiosities in solver units; `stop_reason` is the reason why the work on it ended.
 fn qualities(
     scaled: &Scaled,
     radiosity: &Block,

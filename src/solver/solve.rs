@@ -8,10 +8,10 @@ use super::stop::Tolerance;
 use super::system::RadiositySystem;
 use crate::matrix::operator::Block;
 
-/// What all solvers can be told.
+/// The settings of all solvers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolveOptions<'a> {
-    /// What has to become small, and how small.
+    /// The norm that must become small, and how small.
     pub tolerance: Tolerance,
     /// Passes that may be spent; each reads all of F once.
     pub max_passes: usize,
@@ -21,9 +21,9 @@ pub struct SolveOptions<'a> {
     pub patience: usize,
     /// The first radiosities.
     pub start: Start,
-    /// Lets solvers that need symmetric exchange areas run without, at the caller's risk: the true residual tells what came of it.
+    /// Lets solvers that need symmetric exchange areas run without, at the caller's risk: the true residual shows the effect.
     pub allow_nonreciprocal: bool,
-    /// B*, W·m⁻², \[n, c\], where it is known: the history then tells the errors against it.
+    /// B*, W·m⁻², \[n, c\], where it is known: the history then holds the errors against it.
     pub reference: Option<&'a Block>,
     /// Calculates the true residual after every pass, for the history and to stop by: one more pass over F each, which the history's
     /// times and work leave out.

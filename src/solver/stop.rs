@@ -158,7 +158,7 @@ impl Course {
         },
     };
 
-    /// Takes in one pass, and tells why to give the channel up, if so.
+    /// Takes in one pass, and returns the reason to give the channel up, if there is one.
     ///
     /// The residual of a method that converges may first rise, and fall for long before it is below its first value: sweeps near ρ = 1 do. Runs of falls, and of rises that slow down, are
     /// no standing still; what diverges rises by the same factor again and again.
@@ -204,7 +204,7 @@ impl Course {
 }
 
 impl Run {
-    /// Tells whether the rise from `last` to `now`, the newest of the run, is much less than its mean one.
+    /// Returns whether the rise from `last` to `now`, the newest of the run, is much less than its mean one.
     fn slows(self, last: f64, now: f64) -> bool {
         (now / last).ln() * (self.n_passes as f64) < SLOWS * (now / self.from).ln()
     }
@@ -218,7 +218,7 @@ impl Watch {
         }
     }
 
-    /// Takes in one pass, and tells why to give up, if so: where a channel is beyond all numbers, and where each that does not meet the tolerance has got nowhere for long. `under_way` is what has to
+    /// Takes in one pass, and returns the reason to give up, if there is one: where a channel is beyond all numbers, and where each that does not meet the tolerance has got nowhere for long. `under_way` is what has to
     /// fall, where it is not the excess.
     pub(super) fn observe(&mut self, excess: &[f64], under_way: Option<f64>) -> Option<StopReason> {
         self.channels.resize(excess.len(), Course::NEW);

@@ -215,7 +215,7 @@ impl<'a> RadiositySystem<'a> {
         &self.units.exitance
     }
 
-    /// Tells whether exitances, and so radiosities, may be negative.
+    /// Returns whether exitances, and so radiosities, may be negative.
     #[must_use]
     pub fn is_signed(&self) -> bool {
         self.signed
@@ -226,7 +226,7 @@ impl<'a> RadiositySystem<'a> {
         self.singular.get(channel).into_iter().flatten().copied()
     }
 
-    /// Tells for each component whether any patch of it emits, channel by channel: component k and channel c are at place k n_channels + c.
+    /// Returns for each component whether any patch of it emits, channel by channel: component k and channel c are at place k n_channels + c.
     pub(super) fn emitting_components(&self) -> Vec<bool> {
         let Components { labels, n_components } = self.components();
         let n_channels = self.n_channels();

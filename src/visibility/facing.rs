@@ -26,7 +26,7 @@ const SEGMENTS: usize = 4096;
 /// The height above a plane that counts as in it, by the size of the scene.
 const FLAT: f64 = 1e-12;
 
-/// What looks as if faces had the wrong winding.
+/// The signs of inverted normals.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Turned {
     /// The surface.
@@ -37,7 +37,7 @@ pub struct Turned {
     pub line: u32,
 }
 
-/// Which faces see nothing, or nothing but the backs of others.
+/// The faces that see nothing, or only back faces.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Facing {
     /// True if no face sees another, although not all lie in one plane.
@@ -177,7 +177,7 @@ fn turned_faces(scene: &Scene, groups: &Groups, found: &Found) -> Vec<FaceId> {
         .collect()
 }
 
-/// Tells whether all faces lie in one plane: turning them would make none see another.
+/// Returns whether all faces lie in one plane: turning them would make none see another.
 fn is_flat(scene: &Scene) -> bool {
     let first = scene.polygon(FaceId(0));
     let normal = polygon::area_vector(&first).normalize_or_zero();
@@ -299,7 +299,7 @@ fn push_rays(
     }
 }
 
-/// Tells whether one of the faces sees any other face of the scene, as far as segments between their middles tell.
+/// Returns whether one of the faces sees any other face of the scene, as far as segments between their middles tell.
 fn reaches(scene: &Scene, visibility: &dyn Visibility, from: &[FaceId]) -> bool {
     // What rounding alone lifts above the plane of another sees nothing of it.
     let (low, high) = scene.bounding_box();

@@ -37,7 +37,7 @@ pub struct LightLeaks {
     areas: Vec<f64>,
 }
 
-/// What rays from one piece of a crossed patch find.
+/// The hits of rays from one piece of a crossed patch.
 #[derive(Clone, Debug)]
 struct Leak {
     patch: PatchId,
@@ -60,7 +60,7 @@ pub struct Leakage {
 }
 
 impl Leakage {
-    /// Tells whether the leak is above [`MAX_RELATIVE_LEAK`].
+    /// Returns whether the leak is above [`MAX_RELATIVE_LEAK`].
     #[must_use]
     pub fn is_too_great(&self) -> bool {
         self.relative > MAX_RELATIVE_LEAK

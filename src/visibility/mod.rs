@@ -1,4 +1,4 @@
-//! Who sees whom: batches of rays against the faces of a scene.
+//! Visibility: batches of rays against the faces of a scene.
 
 pub mod brute_force;
 pub mod embree;
@@ -39,7 +39,7 @@ pub struct RayBatch {
     pub t_far: Vec<f32>,
 }
 
-/// What a closest-hit query found, as a structure of arrays.
+/// The hits of a closest-hit query, as a structure of arrays.
 #[derive(Clone, Debug, Default)]
 pub struct HitBatch {
     /// Face and side; see [`HitBatch::face`]. [`HitBatch::MISS`] where nothing was hit.
@@ -92,7 +92,7 @@ pub trait Visibility: Send + Sync {
     /// Where two faces of opposite winding coincide, the one that faces the ray's origin is reported.
     fn closest_hits(&self, rays: &RayBatch, coherence: Coherence, hits: &mut HitBatch);
 
-    /// Tells for each ray whether any face lies between its origin and `t_far`; `blocked` is resized to the batch.
+    /// Returns for each ray whether any face lies between its origin and `t_far`; `blocked` is resized to the batch.
     fn occluded(&self, rays: &RayBatch, coherence: Coherence, blocked: &mut Vec<bool>);
 }
 

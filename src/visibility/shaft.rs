@@ -103,12 +103,12 @@ impl<'a> Shaft<'a> {
         })
     }
 
-    /// Tells whether a box and that around the hull have no point in common: of a sliver's hull, whose sides rounding turns, that is all that is certain.
+    /// Returns whether a box and that around the hull have no point in common: of a sliver's hull, whose sides rounding turns, that is all that is certain.
     pub(crate) fn is_apart_from(&self, low: DVec3, high: DVec3) -> bool {
         self.low.cmpgt(high).any() || self.high.cmplt(low).any()
     }
 
-    /// Tells whether a box may meet the hull's interior. May err on the side of true.
+    /// Returns whether a box may meet the hull's interior. May err on the side of true.
     pub(crate) fn may_meet_box(&self, low: DVec3, high: DVec3) -> bool {
         if self.is_apart_from(low, high) {
             return false;
@@ -119,17 +119,17 @@ impl<'a> Shaft<'a> {
             && self.sides().iter().all(|side| highest(&side.plane) > side.raised)
     }
 
-    /// Tells whether a convex polygon meets the hull's interior. May err on the side of true.
+    /// Returns whether a convex polygon meets the hull's interior. May err on the side of true.
     pub(crate) fn meets(&self, corners: &[DVec3]) -> bool {
         self.meets_beyond(corners, self.slack)
     }
 
-    /// Tells whether a convex polygon that does not meet the hull's interior would meet it if corners were not rounded.
+    /// Returns whether a convex polygon that does not meet the hull's interior would meet it if corners were not rounded.
     pub(crate) fn is_touched_by(&self, corners: &[DVec3]) -> bool {
         self.slack > 0.0 && self.meets_beyond(corners, 0.0)
     }
 
-    /// Tells whether a convex polygon meets the hull's interior deeper than rounding explains, and by `slack` more.
+    /// Returns whether a convex polygon meets the hull's interior deeper than rounding explains, and by `slack` more.
     fn meets_beyond(&self, corners: &[DVec3], slack: f64) -> bool {
         let of_ends = || self.ends.iter().map(|end| (&end.plane, end.least_height + slack));
         let of_sides = || self.sides().iter().map(|side| (&side.plane, side.raised + slack));
@@ -178,7 +178,7 @@ impl<'a> Shaft<'a> {
         (first < last).then_some([first, last])
     }
 
-    /// Tells whether one convex polygon stops all light, but for what passes within `slack`, m: whether every segment between the two ends crosses it.
+    /// Returns whether one convex polygon stops all light, but for what passes within `slack`, m: whether every segment between the two ends crosses it.
     pub(crate) fn is_closed_by(&self, corners: &[DVec3], plane: &Plane, slack: f64) -> bool {
         self.section_lies_in(plane, rounding(corners), slack, |point, tolerance| {
             (0..corners.len()).all(|k| {
@@ -190,7 +190,7 @@ impl<'a> Shaft<'a> {
         })
     }
 
-    /// Tells whether every segment between the two ends goes through the inside of a convex solid, whose corners are known to `rounding`, m.
+    /// Returns whether every segment between the two ends goes through the inside of a convex solid, whose corners are known to `rounding`, m.
     ///
     /// Looks at one section of the shaft, through `middle` and across the line between the ends' centres; errs on the side of false.
     pub(crate) fn is_closed_by_solid(&self, middle: DVec3, planes: &[Plane], rounding: f64) -> bool {
@@ -205,7 +205,7 @@ impl<'a> Shaft<'a> {
         })
     }
 
-    /// Tells whether a plane parts the two ends, and its section with the hull lies in a convex set.
+    /// Returns whether a plane parts the two ends, and its section with the hull lies in a convex set.
     ///
     /// The section is the convex hull of the points in which the segments between corners cross the plane, which is known to `rounding`, m, where its polygon is.
     /// `contains` is given each with what is neglected there: 1e-10 of the shaft's width, `slack`, m, and rounding, each as the point is nearer to one or the other end.
@@ -247,7 +247,7 @@ impl<'a> Shaft<'a> {
         })
     }
 
-    /// Tells whether a side with such a normal is the plane of an end but for a tolerance: an end that stands on the plane of the other has that plane for a side.
+    /// Returns whether a side with such a normal is the plane of an end but for a tolerance: an end that stands on the plane of the other has that plane for a side.
     fn is_plane_of_an_end(&self, normal: DVec3) -> bool {
         let mut ends = self.ends.iter();
         ends.any(|end| end.plane.normal.distance_squared(normal) < SAME_PLANE * SAME_PLANE)

@@ -9,7 +9,7 @@ use super::flat_polygon::FlatPolygon;
 use super::frame::Frame;
 use crate::geometry::box_pairs::overlapping_pairs;
 
-/// Which faces coincide with a face of opposite winding.
+/// The faces that coincide with a face of opposite winding.
 #[derive(Clone, Debug)]
 pub(super) struct Sheets {
     /// The partners of face i are `partners[first[i]..first[i + 1]]`.

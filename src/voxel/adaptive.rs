@@ -167,7 +167,7 @@ fn means_of_cells(cells: &Cells, values: &Block) -> Block {
     Block::from_values((0..cells.n_cells()).flat_map(mean).collect(), values.n_channels())
 }
 
-/// Tells whether what the surfels of a cell send differs by more than `tolerance` times the most that one of them sends, in any channel.
+/// Returns whether what the surfels of a cell send differs by more than `tolerance` times the most that one of them sends, in any channel.
 fn is_uneven(cells: &Cells, cell: usize, exitance: &Block, tolerance: f64) -> bool {
     (0..exitance.n_channels()).any(|c| {
         let sent = cells
@@ -186,7 +186,7 @@ fn each_around(voxels: &VoxelScene, surfel: usize, mut work: impl FnMut(usize)) 
     });
 }
 
-/// Tells for each cell whether it touches another surface, another material (so all emitters' borders) or an edge.
+/// Returns for each cell whether it touches another surface, another material (so all emitters' borders) or an edge.
 fn at_edges(voxels: &VoxelScene, scene: &Scene, cells: &Cells) -> Vec<bool> {
     let key = |s: usize| {
         let face = &scene.faces[voxels.surfels[s].face.0 as usize];

@@ -281,7 +281,7 @@ impl Block {
         block
     }
 
-    /// Tells whether no voxel is surface whose coordinates, growing along the octant from the block's first, are `from` or more.
+    /// Returns whether no voxel is surface whose coordinates, growing along the octant from the block's first, are `from` or more.
     #[inline]
     fn is_free_from(&self, from: [u32; 3], ahead: &[[u64; 4]; 3], octant: usize) -> bool {
         let of_axis: [[u64; 2]; 3] = std::array::from_fn(|a| {

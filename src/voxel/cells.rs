@@ -19,7 +19,7 @@ const THICKNESS: (f64, f64) = (1.5, 0.125);
 /// A partition of the surfels into cells: cubes of 2ˡ voxels a side, at multiples of their side, that hold surfels of one surface, one material, and one plane or nearly so,
 /// which no closed surface parts.
 ///
-/// Who sees whom is still decided on the voxels; a cell has one radiosity, and gathers light at one of its surfels, the one nearest to its middle.
+/// Visibility is still decided on the voxels; a cell has one radiosity, and gathers light at one of its surfels, the one nearest to its middle.
 /// Cells are numbered by their first surfels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cells {
@@ -34,7 +34,7 @@ pub struct Cells {
     areas: Vec<f64>,
 }
 
-/// What surfels of one cell have in common.
+/// The properties that surfels of one cell share.
 type Key = (Voxel, SurfaceId, MaterialId, Option<u32>);
 
 impl Cells {

@@ -53,14 +53,14 @@ impl Normal {
         (0..3).map(|a| i64::from(self.integer[a]) * i64::from(v[a])).sum()
     }
 
-    /// Tells whether the normal lies along an axis.
+    /// Returns whether the normal lies along an axis.
     #[must_use]
     pub fn is_axis_aligned(&self) -> bool {
         (0..3).all(|a| a == self.axis || self.integer[a] == 0)
     }
 }
 
-/// What one surface has in one voxel: an unknown of the discrete radiosity system.
+/// The part of one surface in one voxel: an unknown of the discrete radiosity system.
 ///
 /// A voxel where surfaces meet, or a wall thinner than a voxel, has several. Near [thin walls](VoxelScene::thin_walls) a surface that a wall stands on has one for each side of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,12 +89,12 @@ impl Surfel {
         self.facing
     }
 
-    /// Tells whether this surfel faces any other of its voxel.
+    /// Returns whether this surfel faces any other of its voxel.
     pub(super) fn faces_any(&self) -> bool {
         self.facing != 0
     }
 
-    /// Tells whether this surfel faces the one that is `other` places after the first of their voxel.
+    /// Returns whether this surfel faces the one that is `other` places after the first of their voxel.
     pub(super) fn faces(&self, other: usize) -> bool {
         other < MAX_FACING && self.facing >> other & 1 == 1
     }
@@ -105,7 +105,7 @@ impl Surfel {
 pub struct VoxelScene {
     /// Where the voxels lie.
     pub grid: Grid,
-    /// Which voxels are surface.
+    /// The surface voxels.
     pub octree: Octree,
     /// All surfels, by the rank of their voxel.
     pub surfels: Vec<Surfel>,
@@ -277,7 +277,7 @@ impl VoxelScene {
         }
     }
 
-    /// Tells whether the sides of a surfel's voxel are known, as those of thin walls and around them are.
+    /// Returns whether the sides of a surfel's voxel are known, as those of thin walls and around them are.
     pub(super) fn is_thin(&self, surfel: usize) -> bool {
         self.normal_of[surfel] & THIN != 0
     }
@@ -301,7 +301,7 @@ impl VoxelScene {
     }
 }
 
-/// What a face has in a voxel.
+/// The part of a face in a voxel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Piece {
     pub(super) voxel: Voxel,
@@ -321,7 +321,7 @@ impl Piece {
     }
 }
 
-/// What all faces have in all voxels.
+/// The parts of all faces in all voxels.
 pub(super) struct Pieces {
     pub(super) all: Vec<Piece>,
     /// The rank of each piece's voxel and the piece's place in `all`, sorted.

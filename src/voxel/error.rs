@@ -12,13 +12,13 @@ pub enum VoxelError {
     /// A resolution out of range.
     #[error("{n} voxels along the longest axis; give {MIN_VOXELS} to {MAX_VOXELS}")]
     Resolution {
-        /// What was asked for.
+        /// The requested value.
         n: u32,
     },
     /// A radius out of range.
     #[error("a discrete sphere of radius {radius}; give 1 to {MAX_RADIUS}")]
     Radius {
-        /// What was asked for.
+        /// The requested value.
         radius: u32,
     },
     /// Links cannot be written to or read from their file.
@@ -26,7 +26,7 @@ pub enum VoxelError {
     LinkFile {
         /// The file.
         path: std::path::PathBuf,
-        /// What is wrong.
+        /// The fault.
         source: std::io::Error,
     },
     /// The caller asked to stop; the links that were found so far lie in the file with `.part` at the end of its name.

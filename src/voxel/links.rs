@@ -182,7 +182,7 @@ impl Links {
         }
     }
 
-    /// Tells whether single rows cost no more than their share of a chunk.
+    /// Returns whether single rows cost no more than their share of a chunk.
     pub(super) fn has_cheap_rows(&self) -> bool {
         matches!(self.storage, Storage::Memory(_))
     }
@@ -199,7 +199,7 @@ pub(super) fn prepared(sphere: &DiscreteSphere) -> Vec<Direction> {
     sphere.directions().iter().map(|d| Direction::new(d.vector)).collect()
 }
 
-/// Tells whether a direction lies in front of a surface.
+/// Returns whether a direction lies in front of a surface.
 pub(super) fn is_in_front(normal: &Normal, vector: [i32; 3]) -> bool {
     normal.dot(vector) > 0
 }
@@ -237,7 +237,7 @@ impl Chunk {
         chunk
     }
 
-    /// Tells whether these can be the links of chunk k: of each of its surfels one for each direction in front (`n_in_front`, by normal), to surfels that there
+    /// Returns whether these can be the links of chunk k: of each of its surfels one for each direction in front (`n_in_front`, by normal), to surfels that there
     /// are, and as many of each kind as the tally says.
     pub(super) fn fits(&self, scene: &VoxelScene, n_in_front: &[u64], k: usize) -> bool {
         let rows = k * ROWS_PER_CHUNK..((k + 1) * ROWS_PER_CHUNK).min(scene.n_surfels());

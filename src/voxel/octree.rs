@@ -1,4 +1,4 @@
-//! Which voxels are surface, and how far space is empty.
+//! The octree of surface voxels and of empty space.
 
 use rayon::prelude::*;
 
@@ -36,7 +36,7 @@ pub struct Octree {
     empty_cubes: [Vec<u8>; 8],
 }
 
-/// What [`Octree::build`] makes of a list of voxels.
+/// The result of [`Octree::build`] for a list of voxels.
 pub(super) struct Built {
     pub(super) octree: Octree,
     /// The rank of each voxel of the list.

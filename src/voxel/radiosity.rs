@@ -6,7 +6,7 @@ use super::operator::Gather;
 use crate::matrix::operator::Block;
 use crate::progress::Progress;
 
-/// What a pass computes from.
+/// The input of a pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema, clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]

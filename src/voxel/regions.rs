@@ -142,19 +142,19 @@ impl Regions {
         self.region[self.bricks.node(voxel)]
     }
 
-    /// Tells whether two surfels are known to look into different regions.
+    /// Returns whether two surfels are known to look into different regions.
     pub(super) fn part(&self, a: usize, b: usize) -> bool {
         matches!((self.of_surfel(a), self.of_surfel(b)), (Some(a), Some(b)) if a != b)
     }
 }
 
 impl VoxelScene {
-    /// Tells whether surfaces close the air in front of one surfel off from that in front of another.
+    /// Returns whether surfaces close the air in front of one surfel off from that in front of another.
     pub(super) fn are_parted(&self, a: usize, b: usize) -> bool {
         self.regions.as_ref().is_some_and(|regions| regions.part(a, b))
     }
 
-    /// Tells whether surfaces close the air in front of a surfel off from the voxel in front of a point of a surface.
+    /// Returns whether surfaces close the air in front of a surfel off from the voxel in front of a point of a surface.
     pub(super) fn is_parted_from(&self, surfel: usize, point: DVec3, normal: DVec3) -> bool {
         let Some(regions) = &self.regions else {
             return false;
@@ -181,7 +181,7 @@ impl VoxelScene {
     }
 }
 
-/// Tells whether no face lies between a voxel's centre and that side of it.
+/// Returns whether no face lies between a voxel's centre and that side of it.
 fn is_open(voxels: &VoxelScene, sides: &Sides, voxel: Voxel, side: Side) -> bool {
     voxels
         .octree

@@ -1,11 +1,11 @@
-//! What a voxel sees in a direction: I(x, v).
+//! The first hit of a voxel in a direction: I(x, v).
 
 use super::discretize::{Normal, VoxelScene};
 use super::grid::Voxel;
 use super::line::{Direction, Place, first_surface};
 use super::thin::{AT_CENTRE, Side, THIN};
 
-/// What lies at the end of a discrete line.
+/// The hit at the end of a discrete line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sight {
     /// The front of a surfel.
@@ -146,7 +146,7 @@ impl VoxelScene {
         seen.map(|(_, s)| id(s))
     }
 
-    /// Tells whether the line goes on through the surface voxel of a rank, which it enters and leaves as `way` tells.
+    /// Returns whether the line goes on through the surface voxel of a rank, which it enters and leaves as `way` tells.
     ///
     /// It does so while it is `leaving` the surface that it begins in, if all of the voxel's surfels face away. Near thin walls it does so wherever no face is in its way
     /// and all surfels that look to where it comes from face away: it passes in front of them.
@@ -322,7 +322,7 @@ fn side_towards(voxel: Voxel, neighbour: Voxel) -> Side {
     axis.map_or(AT_CENTRE, |a| side(a, neighbour[a] > voxel[a]))
 }
 
-/// Tells whether n · v (n in units of 2⁻³⁰) is less than 0.3 |v|.
+/// Returns whether n · v (n in units of 2⁻³⁰) is less than 0.3 |v|.
 fn is_grazing(dot: i64, direction: &Direction) -> bool {
     // The upper 14 bits of n: squares of both sides then fit into 64 bits.
     let coarse = dot >> 16;

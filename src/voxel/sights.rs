@@ -1,4 +1,4 @@
-//! What the surfels of one brick see, line by line what [`VoxelScene::sight`] tells, but walked in bundles.
+//! The first hits of the surfels of one brick: the results of [`VoxelScene::sight`], traced in line packets.
 
 use std::ops::Range;
 

@@ -62,7 +62,7 @@ impl Leak {
             .unwrap_or(Self { power: 0.0, share: 0.0 })
     }
 
-    /// Tells whether more leaks than a thousandth of what is emitted.
+    /// Returns whether more leaks than a thousandth of what is emitted.
     #[must_use]
     pub fn is_too_much(&self) -> bool {
         self.share.is_nan() || self.share > MAX_LEAK
@@ -518,7 +518,7 @@ fn brick(voxel: Voxel) -> Voxel {
     voxel.map(|c| c.div_euclid(4))
 }
 
-/// Tells whether a convex face crosses a segment, its beginning left out.
+/// Returns whether a convex face crosses a segment, its beginning left out.
 fn crosses(corners: &[DVec3], from: DVec3, to: DVec3) -> bool {
     let normal = polygon::area_vector(corners).normalize_or_zero();
     let [before, after] = [from, to].map(|p| normal.dot(p - corners[0]));

@@ -43,20 +43,20 @@ pub struct DirectDaylight {
     pub sky: Option<[Block; 2]>,
 }
 
-/// Tells whether all channels are the same.
+/// Returns whether all channels are the same.
 #[must_use]
 pub fn is_grey(channels: [f64; 3]) -> bool {
     channels.iter().all(|value| value.to_bits() == channels[0].to_bits())
 }
 
 impl Daylight {
-    /// Tells whether sun or sky shine.
+    /// Returns whether sun or sky shine.
     #[must_use]
     pub fn shines(&self) -> bool {
         self.sun.is_some() || self.sky.is_some()
     }
 
-    /// Tells whether sun and sky are the same in all channels.
+    /// Returns whether sun and sky are the same in all channels.
     #[must_use]
     pub fn is_grey(&self) -> bool {
         self.sun.is_none_or(|sun| is_grey(sun.irradiance)) && self.sky.is_none_or(|sky| is_grey(sky.irradiance))

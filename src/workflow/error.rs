@@ -262,8 +262,8 @@ impl WorkflowError {
                 n_patches,
                 reflectance,
             } => format!(
-                "{}: no finite solution: {place} and what exchanges light with it ({n_patches} patches in all) emit, reflect everything, and let \
-                 nothing out; lower a `{reflectance}` below 1 there, or open the scene",
+                "{}: no finite solution: the enclosure of {place} ({n_patches} patches) emits, but absorbs nothing; \
+                 lower a `{reflectance}` below 1 there, or open the scene",
                 file.display()
             ),
             Self::Report(error) => error.text(named),

@@ -16,7 +16,7 @@ use crate::progress::Progress as _;
 use crate::scene::Scene;
 use crate::visibility::occluders::OccluderIndex;
 
-/// Rays for each patch that shooting takes where nothing else is said.
+/// The default number of rays that shooting traces for each patch.
 pub const DEFAULT_RAYS: u64 = 4096;
 
 /// Whether form factors are made symmetric and their rows made to sum to what they should.
@@ -36,7 +36,7 @@ pub enum Balance {
     Off,
 }
 
-/// What follows form factors in a limited time.
+/// The steps after form factors, where the time is limited.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Afterwards {
     /// Checks alone.
@@ -58,7 +58,7 @@ impl Afterwards {
     }
 }
 
-/// What form factors are asked for.
+/// The request for form factors.
 #[derive(Clone, Debug)]
 pub struct FormFactorRequest {
     /// The name of the method.
@@ -71,17 +71,17 @@ pub struct FormFactorRequest {
     pub default_tolerance: f64,
     /// Whether the error of the mesh has set [`default_tolerance`](Self::default_tolerance).
     pub tolerance_is_by_mesh: bool,
-    /// What sets the tolerance.
+    /// The parameter of the tolerance.
     pub tolerance_parameter: Parameter,
     /// Whether [`SEQUENCE`] is for something else too, so that a method without use for it passes over it.
     pub is_sequence_shared: bool,
     /// Whether they are made symmetric.
     pub balance: Balance,
-    /// What is said about whether the scene is closed.
+    /// The user's statement whether the scene is closed.
     pub closure: Closure,
     /// The time that all may take from the beginning of the context: form factors get a share of it.
     pub time_limit: Option<(Duration, Afterwards)>,
-    /// Whether the plan tells of occluders and tolerance.
+    /// True if the plan lists occluders and tolerance.
     pub explain: bool,
 }
 
@@ -111,7 +111,7 @@ pub struct FormFactorStudy {
     pub factors: FormFactors,
     /// Row sums, reciprocity, rays.
     pub checks: Checks,
-    /// What a repair did.
+    /// The effect of a repair.
     pub balance: Option<BalanceReport>,
     /// Whether light cannot leave the scene.
     pub closed: bool,
@@ -130,17 +130,17 @@ pub struct FormFactorStudy {
 }
 
 impl FormFactorStudy {
-    /// Tells whether the work does what was asked for.
+    /// Returns whether the work does what was asked for.
     ///
     /// What coordinates that are rounded leave open is no failure of it: files as ordinary as those turned out of the axes with six decimals know form factors to 1e-5, not to
-    /// the default of 1e-6, and no work changes that. A warning tells it, and [`tolerance_met`](Self::tolerance_met).
+    /// the default of 1e-6, and no work changes that. A warning reports it, as does [`tolerance_met`](Self::tolerance_met).
     #[must_use]
     pub fn is_done(&self) -> bool {
         self.tolerance_met || !spent_budget(self.pairs)
     }
 }
 
-/// Tells whether form factors that do not meet their tolerance spent a budget before; where nothing is known of their pairs, that is what it was.
+/// Returns whether form factors that do not meet their tolerance spent a budget before; where nothing is known of their pairs, that is what it was.
 pub(super) fn spent_budget(pairs: Option<PairCounts>) -> bool {
     pairs.is_none_or(|pairs| pairs.n_above_tolerance > 0)
 }
@@ -148,19 +148,19 @@ pub(super) fn spent_budget(pairs: Option<PairCounts>) -> bool {
 /// Form factors as a method made them, or a file has them, before any repair.
 #[derive(Debug)]
 pub struct Raw {
-    /// What was computed.
+    /// The computed form factors.
     pub computed: Computed,
-    /// What is promised of them.
+    /// The guarantees of these form factors.
     pub(super) promised: Promised,
 }
 
-/// What is promised of form factors beside what they say themselves.
+/// Guarantees of form factors beyond those that they hold themselves.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Promised {
     pub(super) reciprocity: Reciprocity,
     /// True if the entries have errors.
     pub(super) errors_known: bool,
-    /// What a repair did to the row sums before.
+    /// The effect of an earlier repair on the row sums.
     pub(super) repair: Repair,
     /// True if entries err by a rule.
     pub(super) by_rule: bool,
@@ -279,7 +279,7 @@ impl Model {
         })
     }
 
-    /// Says how visibility is found by exact clipping.
+    /// Describes how visibility is found by exact clipping.
     fn explain_exact(&mut self, request: &FormFactorRequest) {
         let asked = request.settings.tolerance();
         let tolerance = asked.unwrap_or(request.default_tolerance);

@@ -40,7 +40,7 @@ pub struct HeatStudy {
 }
 
 impl HeatStudy {
-    /// Tells whether temperatures are as exact as errors are told of: see [`MAX_HEAT_ERROR`].
+    /// Returns whether temperatures are exact enough to state an error: see [`MAX_HEAT_ERROR`].
     #[must_use]
     pub fn is_exact(&self) -> bool {
         self.heat.relative_error <= MAX_HEAT_ERROR
@@ -353,7 +353,7 @@ pub(super) fn warn_of_backs(balance: &HeatBalance, cx: &Context) {
     }
 }
 
-/// Warns of irradiances with a great `relative` error; where nothing is known at all, or the solver gave up, another warning says so.
+/// Warns of irradiances with a great `relative` error; an unknown error, and a solver that gave up, have warnings of their own.
 pub(super) fn warn_of_errors(reason: StopReason, relative: f64, cx: &Context) {
     if reason == StopReason::Converged && relative > MAX_HEAT_ERROR && relative.is_finite() {
         cx.warn(Warning::InexactHeat { relative });

@@ -47,7 +47,7 @@ pub struct HeatStep {
 }
 
 impl HeatStep {
-    /// Tells whether temperatures are as exact as errors are told of: see [`MAX_HEAT_ERROR`].
+    /// Returns whether temperatures are exact enough to state an error: see [`MAX_HEAT_ERROR`].
     #[must_use]
     pub fn is_exact(&self) -> bool {
         self.relative_error_max <= MAX_HEAT_ERROR

@@ -4,7 +4,7 @@ use super::{Context, Daylight, FormFactorRequest, FormFactorStudy, Model, Soluti
 use crate::matrix::operator::Block;
 use crate::render::{DirectMethod, Outdoors, RenderInput};
 
-/// What stands in the place of a solver's name where none is needed: nothing reflects.
+/// The name in place of a solver's where none is needed, because nothing reflects.
 pub const NO_SOLVER: &str = "none";
 
 /// The light that an image is made from.

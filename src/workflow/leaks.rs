@@ -7,7 +7,7 @@ use crate::matrix::operator::Block;
 use crate::mesh::ContactEdges;
 use crate::visibility::leaks::{Leakage, LightLeaks};
 
-/// What leaks, as far as it is known.
+/// The leak, as far as it is known.
 #[derive(Clone, Debug, Default)]
 pub struct Leaks {
     /// Those of the patches at hand, where contact edges cross some.
@@ -18,13 +18,13 @@ pub struct Leaks {
     pub are_too_great: bool,
 }
 
-/// What leaks through the patches of a mesh.
+/// The leak through the patches of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct Leak {
     /// The patches that contact edges cross.
     pub n_patches: usize,
-    /// What leaks.
+    /// The leak.
     #[serde(flatten)]
     pub amount: Amount,
     /// The part of what is emitted, or of the area of all patches, that it is.

@@ -108,7 +108,7 @@ impl Stack {
         all.of_channels(self.channels[k].clone())
     }
 
-    /// Tells the plan how many channels there are, and later messages which of the lightings' files each of them is from.
+    /// Sets the number of channels of the plan, and the file of each channel for later messages.
     pub fn announce(&self, model: &mut Model, files: &[Option<PathBuf>], cx: &mut Context) {
         model.plan.revise_channels(self.reflectance.n_channels());
         let of_each = self.channels.iter().zip(files);

@@ -1,4 +1,4 @@
-//! What a coarser mesh tells of the error of the mesh.
+//! The error of the mesh, estimated from a coarser one.
 
 use serde::{Deserialize, Serialize};
 

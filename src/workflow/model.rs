@@ -35,7 +35,7 @@ const MAX_OFFSET: f64 = 1e-3;
 pub struct Model {
     /// The scene.
     pub scene: Scene,
-    /// What messages call the scene: its file.
+    /// The name of the scene in messages: its file.
     pub file: PathBuf,
     /// What it needs, and what is left out.
     pub plan: Plan,
@@ -49,7 +49,7 @@ pub struct Model {
     pub visibility: EmbreeVisibility,
 }
 
-/// What patches are for.
+/// The purpose of patches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Use {
     /// The light that they exchange: cuts at contact edges count, and light leaks.
@@ -62,7 +62,7 @@ pub enum Use {
 
 /// Reads a scene, if that stays below the limit of memory, and warns of what is doubtful in it.
 ///
-/// Where no face emits light, `on_darkness` decides whether that is said now.
+/// If no face emits light, `on_darkness` decides whether to warn now.
 ///
 /// # Errors
 /// [`WorkflowError::MemoryLimit`] and [`WorkflowError::Scene`].
@@ -321,7 +321,7 @@ impl Model {
         });
     }
 
-    /// Warns of lightings in which no face emits light, each with its file; without a lighting it is the scene's own, which the scene's reading has told of.
+    /// Warns of lightings in which no face emits light, each with its file; the scene's own lighting is checked when the scene is read.
     pub fn warn_of_darkness<'a>(&self, lightings: impl IntoIterator<Item = (&'a Path, &'a Lighting)>, cx: &Context) {
         for (file, lighting) in lightings {
             if !lighting.is_emitting(&self.scene) {

@@ -1,4 +1,4 @@
-//! What is done to form factors before they are used: which rows sum to 1, the repair, the checks.
+//! The preparation of form factors: which rows sum to 1, the repair, the checks.
 
 use super::form_factors::{Balance, FormFactorRequest, FormFactorStudy, Raw};
 use super::settings::{Balanced, StatedClosure, VarianceRepair};
@@ -32,12 +32,12 @@ impl Context {
         }
     }
 
-    /// Tells whether a method between pairs may ask rays; form factors from a file have no method among the settings, and ask none.
+    /// Returns whether a method between pairs may trace rays; form factors from a file have no method among the settings, and trace none.
     fn may_ask_rays(&self) -> bool {
         self.settings.method.as_ref().is_some_and(|name| name != "exact")
     }
 
-    /// Tells whether rows are shot by low-discrepancy points.
+    /// Returns whether rows are shot by low-discrepancy points.
     pub(super) fn is_net(&self) -> bool {
         let of_file = || Some(self.settings.form_factors.as_ref()?.get("sequence")? == "sobol");
         let own = self
@@ -149,7 +149,7 @@ impl Model {
         })
     }
 
-    /// Repairs form factors, and says what was done and why.
+    /// Repairs form factors, and records the repair and its reason.
     fn mended(
         &mut self,
         raw: FormFactors,

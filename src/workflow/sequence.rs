@@ -212,7 +212,7 @@ impl Sequence {
         Ok(self.lightings.len() - 1)
     }
 
-    /// Tells the context what the images take and what the lightings reflect, before form factors are stored.
+    /// Gives the context the memory of the images and the reflectances of the lightings, before form factors are stored.
     ///
     /// # Errors
     /// [`WorkflowError::ImageMemory`].

@@ -22,10 +22,10 @@ use crate::solver::{
     Tolerance, relative_errors,
 };
 
-/// The relative change of radiosities by the rounding of form factors from which it is told: far above what every solution is off for its tolerance.
+/// The least relative change of the radiosity by the rounding of form factors that is reported: far above the error that the tolerance of a solution allows.
 const ROUNDING_TOLD_FROM: f64 = 1e-4;
 
-/// The bound on the error, relative to the light that is reflected, from which it is told, and what it is to be with the tolerance that is proposed then.
+/// The least bound on the error, relative to the reflected radiosity, that is reported, and the bound that the proposed tolerance gives.
 const MAX_OF_REFLECTED: f64 = 1e-3;
 const WANTED_OF_REFLECTED: f64 = 1e-4;
 
@@ -87,7 +87,7 @@ pub struct SolutionStudy {
     pub solution: Solution,
     /// The error of each patch's radiosity by the errors of the form factors, W·m⁻², \[n, c\]; `None` where these are not known.
     pub carried: Option<Block>,
-    /// What solver and form factors together say of the error.
+    /// The error by solver and form factors together.
     pub error: TotalError,
     /// The change by a coarser mesh; `None` where that is not known.
     pub mesh_error: Option<MeshError>,
@@ -95,7 +95,7 @@ pub struct SolutionStudy {
     pub direct: DirectDaylight,
 }
 
-/// What is known of form factors beside their values.
+/// Properties of form factors beside their values.
 #[derive(Clone, Copy, Debug)]
 pub struct Known<'a> {
     /// To those who audit a solution.
@@ -285,7 +285,7 @@ impl Model {
         Ok(report.write(path)?)
     }
 
-    /// Says of a system without a finite solution which surface of which file it is about, and what helps; `surface` is that of an unknown.
+    /// Adds surface, file and remedy to the error of a system without a finite solution; `surface` is that of an unknown.
     pub fn refused(
         &self,
         error: SolverError,

@@ -6,7 +6,7 @@ use super::{Context, Model, Warning};
 use crate::matrix::operator::Block;
 use crate::solver::{Solution, StopReason, relative_errors};
 
-/// What solver and form factors together say of the error of a solution; that of the mesh is not in it.
+/// The error of a solution by solver and form factors together, without that of the mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum TotalError {
     /// sqrt(Σ A e² / Σ A B²), the worst channel.

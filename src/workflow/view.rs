@@ -11,13 +11,13 @@ use crate::parameter::{Named, Parameter};
 use crate::render::{CameraRecord, RayView, UnfoldedView, View};
 use crate::scene::{Camera, IMAGE_SIDES, Scene};
 
-/// The width of an image unless something says otherwise, in pixels.
+/// The default width of an image, in pixels.
 const DEFAULT_WIDTH: u32 = 512;
 
-/// Pixels along the longest edge of a tile of an unfolded view unless something says otherwise.
+/// The default number of pixels along the longest edge of a tile of an unfolded view.
 const DEFAULT_TILE: NonZeroU32 = NonZeroU32::MIN.saturating_add(63);
 
-/// Which camera an image is seen by.
+/// The camera of an image.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum CameraChoice {
     /// That of the file beside the scene, else one chosen for the scene.
@@ -144,13 +144,13 @@ impl ImageView {
 }
 
 impl ViewRequest {
-    /// Tells whether it moves or turns the camera.
+    /// Returns whether it moves or turns the camera.
     #[must_use]
     pub fn changes_camera(&self) -> bool {
         self.eye.is_some() || self.look_at.is_some() || self.up.is_some() || self.fov.is_some()
     }
 
-    /// Tells whether it is for unfolded surfaces.
+    /// Returns whether it is for unfolded surfaces.
     #[must_use]
     pub fn is_unfolded(&self) -> bool {
         self.camera == CameraChoice::Unfolded
@@ -223,7 +223,7 @@ impl ViewRequest {
     }
 }
 
-/// Returns width and height of an image: as asked for, else as the camera says, and where one of them is asked for, the other in the camera's proportion.
+/// Returns width and height of an image: as requested, else those of the camera; if one is requested, the other follows the camera's proportion.
 fn image_size(asked: [Option<u32>; 2], stated: [Option<u32>; 2]) -> (u32, u32) {
     // A camera that states one side or none makes square images unless told otherwise.
     let proportion = match stated {

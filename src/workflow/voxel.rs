@@ -26,10 +26,10 @@ pub enum VoxelLight {
     Propagations {
         /// How many.
         passes: usize,
-        /// What each computes from.
+        /// The input of each propagation.
         form: Form,
     },
-    /// Propagations between cells, as fine as the light asks for.
+    /// Propagations between cells, as fine as the light requires.
     Cells {
         /// How many on each set of cells.
         passes: usize,
@@ -47,7 +47,7 @@ pub enum VoxelLight {
     },
 }
 
-/// What is asked of voxels.
+/// The request for voxels.
 #[derive(Clone, Debug)]
 pub struct VoxelRequest {
     /// Voxels along the longest axis.
@@ -66,7 +66,7 @@ pub struct VoxelRequest {
     pub links: LinkPlace,
     /// The file of links on disk.
     pub link_file: PathBuf,
-    /// What is said about whether the scene is closed.
+    /// The user's statement whether the scene is closed.
     pub closure: Closure,
     /// Whether voxels are written to a file.
     pub is_written: bool,
@@ -115,7 +115,7 @@ pub struct LinkFigures {
     pub n_backs: Option<u64>,
     /// Links that leave the scene, where they have been counted.
     pub n_escaped: Option<u64>,
-    /// What they take, in bytes.
+    /// Their size, in bytes.
     pub n_bytes: u64,
 }
 
@@ -147,7 +147,7 @@ pub struct VoxelStudy {
 }
 
 impl VoxelStudy {
-    /// Tells whether the light is what was asked for: the solver converged, and not too much leaks.
+    /// Returns whether the light is what was asked for: the solver converged, and not too much leaks.
     #[must_use]
     pub fn is_done(&self) -> bool {
         let is_converged = match &self.result {
@@ -163,7 +163,7 @@ struct Lit {
     radiosity: Block,
     irradiance: Block,
     result: VoxelResult,
-    /// What passes closed surfaces, W, by channel.
+    /// The power that passes closed surfaces, W, by channel.
     leak_power: Vec<f64>,
 }
 
@@ -248,7 +248,7 @@ impl Model {
         })
     }
 
-    /// Finds light with one unknown for each cell, cells as fine as the light asks for.
+    /// Finds light with one unknown for each cell, cells as fine as the light requires.
     fn light_on_cells(
         &self,
         (voxels, sphere): (&VoxelScene, &DiscreteSphere),
@@ -334,7 +334,7 @@ impl Model {
         })
     }
 
-    /// Says of a system that a solver refuses what helps, with voxels.
+    /// Adds the remedy, for voxels, to the error of a system that a solver refuses.
     fn refused_of_voxels(&self, voxels: &VoxelScene, error: SolverError, cx: &Context) -> WorkflowError {
         if let SolverError::NeedsRows { .. } = error {
             return WorkflowError::Unsuited(Unsuited::RecomputedRows(error.to_string()));

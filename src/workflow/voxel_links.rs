@@ -1,4 +1,4 @@
-//! What voxels and their links take, told before it is taken.
+//! The memory of voxels and their links, estimated before it is allocated.
 
 use super::voxel::{VoxelLight, VoxelRequest};
 use super::{Context, Model, WorkflowError};
@@ -25,7 +25,7 @@ pub enum LinkPlace {
     Recompute,
 }
 
-/// What helps where voxels do not fit the memory.
+/// The remedy where voxels do not fit the memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum VoxelRemedy {

@@ -1,4 +1,4 @@
-//! What a study has to warn of: what is wrong, the number, the consequence, and the parameter that helps.
+//! The warnings of a study: each has the fault, the number, the consequence and the parameter that helps.
 
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -108,7 +108,7 @@ pub enum Warning {
     LightLeak {
         /// How many patches.
         n_patches: usize,
-        /// What leaks, in `unit`.
+        /// The leak, in `unit`.
         value: f64,
         /// Its error, in `unit`.
         error: f64,
@@ -116,7 +116,7 @@ pub enum Warning {
         unit: Cow<'static, str>,
         /// The part of `whole` that it is.
         relative: f64,
-        /// What it is a part of.
+        /// The whole that it is a part of.
         whole: Cow<'static, str>,
         /// True if the form factors are from a file, so that they are to be computed again.
         is_from_file: bool,
@@ -131,7 +131,7 @@ pub enum Warning {
         n_pairs: u64,
         /// The greatest error of A_i F_ij / min(A_i, A_j).
         worst: f64,
-        /// What sets the tolerance.
+        /// The parameter of the tolerance.
         tolerance: Parameter,
     },
     /// Rows are above the tolerance of rows, and a tighter one of entries does not help.
@@ -144,7 +144,7 @@ pub enum Warning {
     Rounded {
         /// How many, by how much, and why.
         doubt: RoundingDoubt,
-        /// What sets the tolerance.
+        /// The parameter of the tolerance.
         tolerance: Parameter,
     },
     /// The form factors of a file are above their tolerance.
@@ -214,7 +214,7 @@ pub enum Warning {
         /// A tolerance that is small enough; `None` where no solver meets one.
         tolerance: Option<f64>,
     },
-    /// What meets the equations is no light.
+    /// The solution of the equations is negative somewhere, so it is not physical.
     NegativeLight {
         /// The relative residual.
         residual: f64,
@@ -236,7 +236,7 @@ pub enum Warning {
     CoarseMesh {
         /// The surface.
         surface: String,
-        /// What a quarter of the patches would change its mean radiosity by, relative.
+        /// The relative change of its mean radiosity with a quarter of the patches.
         change: f64,
     },
     /// Form factors that are not kept state no error.
@@ -290,7 +290,7 @@ pub enum Warning {
     UnshotLight {
         /// How many propagations there were.
         passes: usize,
-        /// What is left of it, relative to what there is.
+        /// The unshot part of the power.
         unshot: f64,
     },
     /// Final gather left pixels above the noise.
@@ -306,7 +306,7 @@ pub enum Warning {
     },
     /// No pixel shows the front of a face.
     BlankImage {
-        /// What the camera is.
+        /// The camera, in words.
         camera: String,
     },
     /// No viewer listens where one is to show an image.
@@ -335,6 +335,6 @@ pub enum Warning {
         /// The greatest error of a surface's irradiance, relative to the larger of that and its emissive power.
         relative: f64,
     },
-    /// What a program has to say itself.
+    /// A warning of the program itself.
     Other(String),
 }

@@ -32,8 +32,8 @@ impl Warning {
             | Self::TurnedFaces { .. }
             | Self::MoreTurned { .. } => self.of_scene(named),
             Self::FarStart { offset, width } => format!(
-                "rays start {offset:.2e} m off a face in a scene of this size, and the smallest patch is only {width:.2e} m wide: what patches near each other exchange is off by about {:.1e} of itself; \
-                 leave out what is far away, or use a method without rays",
+                "rays start {offset:.2e} m off a face, and the smallest patch is {width:.2e} m wide: factors between neighbours err by {:.1e}; \
+                 use a method without rays, or remove distant objects",
                 offset / width
             ),
             Self::NarrowGap {
@@ -45,8 +45,8 @@ impl Warning {
                     .each_ref()
                     .map(|(surface, face)| format!("`{surface}` ({face})"));
                 format!(
-                    "{first} and {second} are {width:.2e} m apart, and rays start {offset:.2e} m off a face: light between them is lost or blurred; \
-                     use a method without rays, or model the gap in a scene of its own"
+                    "{first} and {second} are {width:.2e} m apart, and rays start {offset:.2e} m off a face: radiation between them is lost; \
+                     use a method without rays"
                 )
             }
             Self::LightLeak {
@@ -64,7 +64,7 @@ impl Warning {
                     format!("leave out {}", named(Parameter::CutAtWalls, Some("false")))
                 };
                 format!(
-                    "light leaks under what stands on {}: {value:.2e} +- {error:.1e} {unit}, {relative:.1e} {whole}; {remedy}",
+                    "light leaks through {} that straddle contact edges: {value:.2e} +- {error:.1e} {unit}, {relative:.1e} {whole}; {remedy}",
                     counted(*n_patches, "patch")
                 )
             }
@@ -74,7 +74,7 @@ impl Warning {
                 n_pixels,
                 noise,
             } => format!(
-                "{}: {n_above} of {} above the noise of {} after as many rays as {} lets them have; raise that, or {}",
+                "{}: {n_above} of {} are above the noise of {} after the maximum number of rays; raise {} or {}",
                 file.display(),
                 counted(usize::try_from(*n_pixels).unwrap_or(usize::MAX), "pixel"),
                 short(*noise),
@@ -82,15 +82,15 @@ impl Warning {
                 name(Parameter::Noise)
             ),
             Self::BlankImage { camera } => format!(
-                "no pixel shows the front of a face: move the camera ({}, {}; it is {camera}), or turn the faces with {} (they see on the side from which their \
-                 corners run counter-clockwise)",
+                "no pixel shows the front of a face from {camera}; move the camera ({}, {}), \
+                 or reverse faces with {}: a front has counter-clockwise corners",
                 name(Parameter::Eye),
                 name(Parameter::LookAt),
                 name(Parameter::Flip)
             ),
             Self::Other(text) => text.clone(),
             Self::CheckpointIncomplete { file, reason } => format!(
-                "{}: the checkpoint could not be written to its end: {reason}; the work itself went on",
+                "{}: the checkpoint is incomplete: {reason}; the run continued without it",
                 file.display()
             ),
             Self::CheckpointLeft { file, reason } => {
@@ -100,10 +100,10 @@ impl Warning {
                 "no viewer at {address} ({reason}); start tev there, or leave out {}",
                 name(Parameter::Display)
             ),
-            Self::ViewerGone => "the viewer stopped taking pixels; the picture is whole all the same".to_owned(),
+            Self::ViewerGone => "the viewer stopped accepting pixels; the image file is complete".to_owned(),
             Self::BrokenLaw(check) => format!("conservation check: {check}"),
             Self::NoErrorOnTheFly => format!(
-                "form factors that are not kept state no error: how far theirs shows in the light is not known; leave {} out to know it",
+                "form factors that are not stored state no error, so the error that they cause is unknown; leave {} out to estimate it",
                 name(Parameter::OnTheFly)
             ),
             Self::SmallSurfaces { .. }
@@ -129,11 +129,11 @@ impl Warning {
                 file.display()
             ),
             Self::VanishedFaces { at, count } => format!(
-                "{at}this face and {} more are too small, beside the size of the scene, for rays to hit them",
+                "{at}this face and {} more are too small for rays, relative to the size of the scene; use a method without rays, or remove distant objects",
                 count - 1
             ),
             Self::InsideOut { at, surface } => format!(
-                "{at}`{surface}`: the closed surface that this face is part of stands inside of another and faces inwards, so that what is around it meets its black backs; reverse its winding, that of a whole surface with {}",
+                "{at}`{surface}`: this closed surface lies inside another and its normals point inwards, so surrounding surfaces see its absorbing back faces; reverse it with {}",
                 flip_of("NAME")
             ),
             Self::NoneSees { file, surface } => {
@@ -141,7 +141,7 @@ impl Warning {
                     .as_ref()
                     .map_or_else(String::new, |name| format!(" of `{name}`"));
                 format!(
-                    "{}: no face{of_surface} sees another, so none receives light from another: the normals are probably inverted; reverse all with {flip}, or a surface's with {}",
+                    "{}: no face{of_surface} sees another, so none receives radiation: the normals are probably inverted; reverse all with {flip}, or a surface's with {}",
                     file.display(),
                     flip_of("NAME")
                 )
@@ -152,12 +152,12 @@ impl Warning {
                 flip_of("NAME")
             ),
             Self::MostSeeBacks { file, count, n_faces } => format!(
-                "{}: {count} of {n_faces} faces see only black backs of others: normals are probably inverted; reverse all with {flip}, or a surface's with {}",
+                "{}: {count} of {n_faces} faces see only back faces, which are black: normals are probably inverted; reverse all with {flip}, or a surface's with {}",
                 file.display(),
                 flip_of("NAME")
             ),
             Self::TurnedSurface { file, surface } => format!(
-                "{}: no face of `{surface}` sees another, but from behind they would: its normals are probably inverted; reverse them with {}",
+                "{}: the fronts of `{surface}` see no face, but its backs do: its normals are probably inverted; reverse them with {}",
                 file.display(),
                 flip_of(surface)
             ),
@@ -167,12 +167,15 @@ impl Warning {
                     n => format!("this face and {} more see no other", n - 1),
                 };
                 format!(
-                    "{at}`{surface}`: {what}, and others see the back; reverse what is meant to be seen, a whole surface with {}",
+                    "{at}`{surface}`: {what}, and others see the back: the normal is probably inverted; reverse the face, or the whole surface with {}",
                     flip_of(surface)
                 )
             }
             Self::MoreTurned { file, count } => {
-                format!("{}: so it is with faces of {count} more surfaces", file.display())
+                format!(
+                    "{}: faces of {count} more surfaces are probably inverted too",
+                    file.display()
+                )
             }
             // Whoever adds a kind and no text is not to make it mute.
             _ => format!("{self:?}"),
@@ -197,7 +200,7 @@ impl Warning {
                     "use `solve`".to_owned()
                 };
                 format!(
-                    "{count} surfaces are smaller than two voxels of {size:.2e} m, as {surface} of {side:.2e} m: their light and shadows are not resolved; {remedy}"
+                    "{count} surfaces are smaller than two voxels of {size:.2e} m, such as {surface} of {side:.2e} m, so their radiosity and shadows are not resolved; {remedy}"
                 )
             }
             Self::ThinGaps { n_voxels, pairs } => {
@@ -208,20 +211,20 @@ impl Warning {
                     more => format!(" and {more} other pairs"),
                 };
                 format!(
-                    "at {n_voxels} voxels along the longest axis less than two voxels lie between {}{others}; the light in such gaps is not resolved, {larger}",
+                    "with {n_voxels} voxels along the longest axis, fewer than two lie between {}{others}; radiosity in such gaps is not resolved; {larger}",
                     shown.join(", ")
                 )
             }
             Self::OpenVoxels { count, surfaces } => {
                 let shown: Vec<&str> = surfaces.iter().map(String::as_str).take(5).collect();
                 format!(
-                    "{count} voxels of a closed scene can be reached from outside, on {}; it leaks there, {larger}",
+                    "{count} voxels of a closed scene can be reached from outside, on {}, so it leaks there; {larger}",
                     shown.join(", ")
                 )
             }
             Self::EscapingLinks { n_escaped, n_links } => {
                 let share = 100.0 * *n_escaped as f64 / (*n_links).max(1) as f64;
-                format!("{n_escaped} links ({share:.2} %) leave a closed scene, and their light is lost; {larger}")
+                format!("{n_escaped} links ({share:.2} %) leave a closed scene, so their power is lost; {larger}")
             }
             Self::PassedWalls {
                 power,
@@ -235,12 +238,12 @@ impl Warning {
                 );
                 let enough = enough.map_or_else(|| "larger".to_owned(), |n| n.to_string());
                 format!(
-                    "{power:.1e} W, {share:.1e} of what is emitted, passes{wall}; surfaces behind them are too bright; give {}",
+                    "{power:.1e} W, {share:.1e} of the emitted power, passes{wall}, so surfaces behind them are too bright; give {}",
                     named(Parameter::Voxels, Some(&enough))
                 )
             }
             Self::UnshotLight { passes, unshot } => format!(
-                "after {passes} propagations unshot light is left, {unshot:.1e} of what there is or more; give more {}, or a {}",
+                "after {passes} propagations unshot light is left, {unshot:.1e} of the power or more; give more {}, or a {}",
                 named(Parameter::Passes, None),
                 named(Parameter::Solver, None)
             ),
@@ -253,11 +256,11 @@ impl Warning {
     fn of_heat(&self, named: Named<'_>) -> String {
         match self {
             Self::HeatToBacks { power_w } => format!(
-                "black backs of faces, at 0 K, take {power_w:.3e} W: close the scene around them, or reverse faces with {}",
+                "back faces, black and at 0 K, absorb {power_w:.3e} W; close the scene around them, or reverse faces with {}",
                 named(Parameter::Flip, Some("NAME"))
             ),
             Self::NoMeshError => format!(
-                "the error of the mesh is not known and is in no stated error, as no coarser mesh is to be had; give {} of 2 or more",
+                "stated errors do not include the error of the mesh, because there is no coarser mesh; give {} of 2 or more",
                 named(Parameter::Subdivide, None)
             ),
             Self::OnePatchAFace { change } => format!(
@@ -265,7 +268,7 @@ impl Warning {
                 named(Parameter::Subdivide, None)
             ),
             Self::InexactHeat { relative } => format!(
-                "the irradiance of a surface has an error of {relative:.1e} of itself; give a smaller {}, or a larger {}",
+                "the irradiance of a surface has a relative error of {relative:.1e}, so temperatures are inexact; give a smaller {}, or a larger {}",
                 named(Parameter::FormFactorTolerance, None),
                 named(Parameter::Budget, None)
             ),
@@ -280,65 +283,65 @@ impl Warning {
         match self {
             Self::LongWork(forecast) => long_work(forecast, named),
             Self::AboveTolerance { n_pairs, worst, tolerance } => format!(
-                "{} of patches spent the budget, or the digits of f64, above the tolerance; the worst error of all pairs is {worst:.1e}; give a greater {} or {}",
+                "{} of patches reached the budget, or the precision of f64, above the tolerance; the largest error is {worst:.1e}; give a larger {} or {}",
                 counted(usize::try_from(*n_pairs).unwrap_or(usize::MAX), "pair"),
                 name(Parameter::Budget),
                 name(*tolerance)
             ),
             Self::RowsAboveTolerance { worst } => format!(
-                "the error of a row is {worst:.1e}, above the tolerance of rows, and more work does not help; give a greater {}",
+                "the error of a row sum is {worst:.1e}, above its tolerance, and more work does not lower it; give a larger {}",
                 name(Parameter::Of(&ROW_TOLERANCE))
             ),
-            Self::Rounded { doubt, tolerance } => format!("{doubt}, or a greater {}", name(*tolerance)),
+            Self::Rounded { doubt, tolerance } => format!("{doubt}, or a larger {}", name(*tolerance)),
             Self::FileAboveTolerance { file } => format!(
-                "{}: these form factors spent their budget above their tolerance; compute them again with a greater {} or {}",
+                "{}: these form factors reached their budget above their tolerance; compute them again with a larger {} or {}",
                 file.display(),
                 name(Parameter::Budget),
                 name(Parameter::Tolerance)
             ),
             Self::FileRounded { file, doubt } => format!("{}: {doubt}", file.display()),
             Self::SlippedRays { n_lost, n_rays } => format!(
-                "{n_lost} of {n_rays} rays slipped out of a closed scene, or behind its faces where two of them touch; the row sums show what that amounts to"
+                "{n_lost} of {n_rays} rays left a closed scene, or hit back faces where two faces touch; the row sums show the size of this error"
             ),
             Self::NothingToClose => format!(
-                "{} closure changes nothing: no row is known to sum to 1, as the scene is not known to be closed; state it with {}",
+                "{} closure changes nothing: no row is known to sum to 1, because the scene is not known to be closed; if it is, give {}",
                 name(Parameter::Balance),
                 name(Parameter::Closed)
             ),
             Self::DoubtedRows { at, surface, count } => format!(
-                "{at}the rows of {count} patches, first of `{surface}`, are off 1 by more than the error that they state (0.1 where they state none), and are left as they are; look for gaps and faces that are wound the wrong way"
+                "{at}row sums of {count} patches, first of `{surface}`, differ from 1 by more than their stated error (or 0.1) and are not repaired; check for gaps and inverted normals"
             ),
             Self::NotBalanced { row_error_max, n_passes } => {
-                format!("rebalancing left row sums off by up to {row_error_max:.1e} after {n_passes} passes")
+                format!("row sums differ from their targets by up to {row_error_max:.1e} after {n_passes} passes of the repair")
             }
             Self::RoundedToF32 { relative } => format!(
-                "kept in f32, the form factors are rounded, which may change the radiosities by {relative:.1e} of themselves: use `{}`",
+                "form factors are rounded to f32, which may change the radiosity by {relative:.1e} of itself; use `{}`",
                 named(Parameter::Precision, Some("f64"))
             ),
             Self::LampsOutshine { bound, tolerance } => {
                 let remedy = tolerance.map_or_else(
-                    || "make the lamps larger and dimmer, of the same power".to_owned(),
+                    || "make the emitters larger and dimmer, with the same power".to_owned(),
                     |tolerance| format!("give {}", named(Parameter::SolverTolerance, Some(&format!("{tolerance:e}")))),
                 );
                 format!(
-                    "the lamps' own light has nearly all of what the tolerance is relative to: the bound on the error is {bound:.1e} of the light that is reflected; {remedy}"
+                    "the residual tolerance is dominated by the emitters: the error bound is {bound:.1e} relative to the reflected radiosity; {remedy}"
                 )
             }
             Self::NegativeLight { residual, row_sum_max } => format!(
-                "the equations have no solution of light: what meets them, at a relative residual of {residual:.3e}, is negative in places, as form factors whose rows sum to up to {row_sum_max:.6} make light"
+                "no physical solution: the radiosity is negative on some patches (relative residual {residual:.3e}). Form-factor rows sum to up to {row_sum_max:.6}, so the system creates energy"
             ),
             Self::NotConverged { reason, residual } => {
                 format!("the solver stopped without converging ({reason}) at a relative residual of {residual:.3e}")
             }
             Self::NoBound => format!(
-                "no bound on the error of the radiosities can be proved: reflectances and sums of form factors are too near 1, or above; `{}` has the least residual",
+                "no bound on the error of the radiosity can be proved: reflectances and row sums are too close to 1, or above; `{}` has the smallest residual",
                 named(Parameter::Solver, Some("direct"))
             ),
-            Self::TooInexact => "the form factors are not exact enough for reflectances this near 1: the radiosities may be off by as much as they are or more; compute the form factors with a smaller tolerance or \
-                 more rays, keep them in f64, or lower the reflectances"
+            Self::TooInexact => "the radiosity may err by its own size or more: form factors are too inexact for reflectances this close to 1; give a smaller tolerance, \
+                 more rays or f64"
                 .to_owned(),
             Self::CoarseMesh { surface, change } => format!(
-                "the mesh is too coarse for `{}`: a quarter of the patches would change its mean radiosity by {change:.1e} of itself; subdivide more",
+                "the mesh is too coarse for `{}`: with a quarter of the patches its mean radiosity changes by {change:.1e} of itself; subdivide more",
                 printable(surface)
             ),
             // Whoever adds a kind and no text is not to make it mute.

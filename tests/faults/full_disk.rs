@@ -175,7 +175,7 @@ fn work_goes_on_without_room_for_its_checkpoint() {
     let message = stderr(&output);
     assert_eq!(output.status.code(), Some(0), "{message}");
     assert!(
-        message.contains("full/kept") && message.contains("could not be written to its end"),
+        message.contains("full/kept") && message.contains("the checkpoint is incomplete"),
         "{message}"
     );
     assert!(left.is_empty(), "{left:?}");

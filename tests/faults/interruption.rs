@@ -190,7 +190,7 @@ fn final_gather_and_frames_go_on_to_the_same_bytes() {
         }
         assert_eq!(output.status.code(), Some(code), "{}", text(&output.stderr));
         assert!(
-            text(&output.stderr).contains("goes on from there"),
+            text(&output.stderr).contains("continues from them"),
             "{}",
             text(&output.stderr)
         );
@@ -274,7 +274,7 @@ fn links_are_kept_when_a_signal_comes() {
     signal(&child, "-TERM");
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(143), "{}", text(&output.stderr));
-    assert!(text(&output.stderr).contains("goes on from there") && part.exists());
+    assert!(text(&output.stderr).contains("continues from them") && part.exists());
     assert!(!directory.path().join("v.vtu").exists());
     assert!(radiosity(directory.path(), &work).status.success());
     let resumed = std::fs::read(directory.path().join("l")).unwrap();

@@ -648,7 +648,7 @@ fn results_that_cannot_be_light_are_never_passed_over() {
         "{errors}"
     );
     assert!(
-        errors.contains("no solution of light") && !errors.contains("without converging"),
+        errors.contains("no physical solution") && !errors.contains("without converging"),
         "{errors}"
     );
     let (code, document, errors) = solve(&["--method", "exact", "--strict"]);

@@ -417,7 +417,7 @@ fn light_that_leaks_through_whole_faces_is_told() {
         let (code, whole, said) = solve(&["--no-cut"]);
         assert_eq!((code, &whole["n_cut_faces"]), (3, &0.into()), "{flags:?}");
         assert!(
-            said.contains("light leaks under what stands on") && said.contains("--no-cut"),
+            said.contains("that straddle contact edges") && said.contains("--no-cut"),
             "{said}"
         );
         assert!(whole["left_out"].to_string().contains("--no-cut"));

@@ -498,7 +498,7 @@ fn coordinates_too_coarse_for_the_tolerance_are_told_of() {
         let warnings = result["warnings"].as_array().unwrap();
         let of_them = warnings
             .iter()
-            .filter(|text| text.as_str().unwrap().contains("in doubt above the tolerance"));
+            .filter(|text| text.as_str().unwrap().contains("the stated error of"));
         of_them.count()
     };
     for (asked, n_told) in [
@@ -518,7 +518,7 @@ fn coordinates_too_coarse_for_the_tolerance_are_told_of() {
     let output = radiosity(directory.path(), &["form-factors", "scene.obj"]);
     let lines = stderr(&output);
     assert!(
-        lines.lines().count() == 1 && lines.contains("more digits or nearer to the origin, or a greater --tolerance"),
+        lines.lines().count() == 1 && lines.contains("more digits or nearer to the origin, or a larger --tolerance"),
         "{lines}"
     );
     // A file of them says so, and whoever uses it.
@@ -542,7 +542,7 @@ fn coordinates_too_coarse_for_the_tolerance_are_told_of() {
     assert!(result["pairs"]["n_above_tolerance"].as_u64().unwrap() > 0);
     let (code, result) = document(directory.path(), &solve);
     assert_eq!((code, told(&result)), (3, 1));
-    assert!(result["warnings"].to_string().contains("spent their budget"));
+    assert!(result["warnings"].to_string().contains("reached their budget"));
 }
 
 /// The scenes of the repository know their form factors far beyond the default tolerance.

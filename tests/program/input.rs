@@ -127,7 +127,7 @@ fn faces_that_look_the_wrong_way_are_told() {
     lines[wall] = format!("f {}", corners.join(" "));
     std::fs::write(directory.path().join("scene.obj"), lines.join("\n")).unwrap();
     let expected = format!(
-        "scene.obj:{}: `room_x0`: the face sees no other, and others see the back; reverse what is meant to be seen, a whole surface with --flip=room_x0",
+        "scene.obj:{}: `room_x0`: the face sees no other, and others see the back: the normal is probably inverted; reverse the face, or the whole surface with --flip=room_x0",
         wall + 1
     );
     for arguments in [

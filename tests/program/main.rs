@@ -12,6 +12,8 @@ mod files_out;
 mod form_factors;
 mod heat;
 mod input;
+mod manual;
+mod messages;
 mod pages;
 mod pictures;
 #[path = "../support/program.rs"]

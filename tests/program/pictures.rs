@@ -401,7 +401,7 @@ fn a_field_of_form_factors_is_rendered_and_verified() {
     let text = String::from_utf8(verified.stdout).unwrap();
     let of_wall = |name: &str| text.lines().find(|line| line.starts_with(name)).unwrap();
     assert!(
-        text.contains("96 of 96 pixels compared") && text.contains("which were drawn again"),
+        text.contains("96 of 96 pixels compared") && text.contains("which were traced again"),
         "{text}"
     );
     for wall in ["A ", "partition_back "] {

@@ -119,7 +119,7 @@ fn auto_says_what_it_took() {
     let text = String::from_utf8(text).unwrap();
     assert!(text.contains(&format!("\nsolver: {solver} (")), "{text}");
     assert!(
-        text.contains(&format!("\n{solver}: converged after ")) && text.contains("bound on the relative error"),
+        text.contains(&format!("\n{solver}: converged after ")) && text.contains("error bound"),
         "{text}"
     );
 }

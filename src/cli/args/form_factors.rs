@@ -39,7 +39,7 @@ pub struct MeshArgs {
 }
 
 impl MeshArgs {
-    /// Tells whether any of the flags is given.
+    /// Returns whether any of the flags is given.
     #[must_use]
     pub fn is_given(&self) -> bool {
         self.subdivide.is_some() || self.max_edge.is_some() || self.no_cut || self.cut_at_walls

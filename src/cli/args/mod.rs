@@ -37,12 +37,12 @@ pub use solve::{SolveArgs, SolverArgs};
 pub use tables::parse_tables;
 pub use voxel::{LinksName, VoxelArgs};
 
-/// Light in diffuse scenes: form factors to high accuracy, radiosity, OpenEXR pictures.
+/// View factors and radiosity for diffuse scenes, with an error stated for every number.
 #[derive(Debug, Parser)]
 #[command(name = "radiosity", version, about, propagate_version = true, max_term_width = 110)]
 #[command(
-    after_help = "Exit codes: 0 done, 1 error in the input or at run time, 2 usage, 3 not converged, a budget \
-                        spent above the tolerance, form factors not exact enough to state an error, or light leaks by more than 1e-3 of what is emitted, 4 a check outside its tolerance, 130 and 143 ended by SIGINT or SIGTERM."
+    after_help = "Exit codes: 0 done, 1 error in input or at run time, 2 usage, 3 not converged or inexact, 4 failed check, \
+                  130 and 143 ended by SIGINT and SIGTERM."
 )]
 pub struct Cli {
     /// What to do.
@@ -67,7 +67,7 @@ pub enum Command {
     Render(RenderArgs),
     /// Render the form factor from every visible point to a surface
     Field(FieldArgs),
-    /// Discrete radiosity: the light on voxels, who sees whom by integer lines
+    /// Discrete radiosity on voxels, with visibility by integer lines
     Voxel(VoxelArgs),
     /// Check an EXR against the analytic answer of the scene that it was made from
     Verify(VerifyArgs),
@@ -149,7 +149,7 @@ pub struct CommonArgs {
     pub reading: ReadingArgs,
 }
 
-/// What is done about broken laws.
+/// The treatment of failed conservation checks.
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Common")]
 pub struct AuditArgs {

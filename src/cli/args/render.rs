@@ -149,7 +149,7 @@ pub struct ViewArgs {
 }
 
 impl ImageArgs {
-    /// Tells whether any flag about the picture was given.
+    /// Returns whether any flag about the picture was given.
     #[must_use]
     pub fn is_given(&self) -> bool {
         self.view.request() != ViewRequest::default() || self.flat || self.view.samples.is_some()

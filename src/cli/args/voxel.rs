@@ -42,7 +42,7 @@ pub struct VoxelArgs {
     /// Propagations of light
     #[arg(long, value_name = "K", default_value_t = VoxelRequest::PASSES, help_heading = "Voxels")]
     pub passes: usize,
-    /// What a propagation computes from
+    /// The input of a propagation
     #[arg(long, value_enum, default_value_t, help_heading = "Voxels")]
     pub form: Form,
     /// Join voxels to cells where the irradiance changes by less than T times its mean from cell to cell, as 0.05

@@ -93,7 +93,7 @@ impl SolverLine {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "LewisCheck"))]
 pub struct Check {
-    /// What it is.
+    /// Its kind.
     pub name: String,
     /// What it must be.
     pub expected: f64,
@@ -104,7 +104,7 @@ pub struct Check {
 }
 
 impl Check {
-    /// Tells whether the number is what it must be.
+    /// Returns whether the number is what it must be.
     #[must_use]
     pub fn is_met(&self) -> bool {
         (self.measured - self.expected).abs() <= self.tolerance
@@ -135,7 +135,7 @@ pub struct LewisResults {
 }
 
 impl LewisResults {
-    /// Tells whether every number is what it must be.
+    /// Returns whether every number is what it must be.
     #[must_use]
     pub fn is_met(&self) -> bool {
         self.checks.iter().all(Check::is_met)

@@ -100,7 +100,7 @@ pub struct PicturesResults {
 }
 
 impl PicturesResults {
-    /// Tells whether all checks are met.
+    /// Returns whether all checks are met.
     #[must_use]
     pub fn is_met(&self) -> bool {
         self.checks.iter().all(|check| check.is_met)

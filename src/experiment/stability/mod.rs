@@ -100,7 +100,7 @@ pub struct Cell {
 pub struct CaseSummary {
     /// Its name.
     pub name: String,
-    /// What it is.
+    /// Its kind.
     pub about: String,
     /// Number of patches.
     pub n_patches: usize,
@@ -222,7 +222,7 @@ impl Trial {
         }
     }
 
-    /// Tells whether there are enough runs.
+    /// Returns whether there are enough runs.
     fn is_over(&self, n_runs: &RangeInclusive<usize>) -> bool {
         let is_slow = self.n_done >= *n_runs.start() && self.spent_s > RUNS_S;
         is_slow || self.n_done >= *n_runs.end() || matches!(self.outcome, Some(Err(_)))

@@ -182,7 +182,7 @@ impl Search<'_> {
     }
 }
 
-/// Tells of each piece whether its fronts see none of its own backs: no face of it pierces another, and every edge of its border lies in a plane that has all of the scene on one side. Closed pieces have no border.
+/// Returns for each piece whether its fronts see none of its own backs: no face of it pierces another, and every edge of its border lies in a plane that has all of the scene on one side. Closed pieces have no border.
 ///
 /// Such a piece parts the convex hull of the scene in two, one in front of it and one behind, as its border lies on that hull, which no segment between two points of the scene leaves.
 /// Pieces with a border too long to look at count as ending elsewhere.
@@ -224,7 +224,7 @@ fn hiding_own(scene: &Scene, pieces: &Pieces, of_faces: &[Place]) -> Vec<bool> {
     hides_own
 }
 
-/// Tells whether a plane through an edge has all points on one side of it, or in it.
+/// Returns whether a plane through an edge has all points on one side of it, or in it.
 fn is_on_hull([from, to]: [DVec3; 2], points: &[DVec3], tolerance: f64) -> bool {
     let along = (to - from).normalize_or_zero();
     let across = along.any_orthonormal_vector();
@@ -312,7 +312,7 @@ impl<'a> Sheets<'a> {
         if self.is_wide(&rest) { left } else { vec![part.to_vec()] }
     }
 
-    /// Tells whether a polygon is more than a strip that rounding explains.
+    /// Returns whether a polygon is more than a strip that rounding explains.
     fn is_wide(&self, corners: &[DVec3]) -> bool {
         if corners.len() < 3 {
             return false;

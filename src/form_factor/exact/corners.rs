@@ -122,7 +122,7 @@ impl CornerSums {
         })
     }
 
-    /// Tells whether the rows of some patches are there.
+    /// Returns whether the rows of some patches are there.
     pub(super) fn covers(&self, rows: &Range<usize>) -> bool {
         self.rows.start <= rows.start && rows.end <= self.rows.end
     }

@@ -1,4 +1,4 @@
-//! Which faces may see each other, found without looking at all pairs of faces.
+//! The pairs of faces that may see each other, found without visiting all pairs.
 
 use std::ops::Range;
 
@@ -87,7 +87,7 @@ impl FaceTree {
         self.grow(range.start + middle..range.end);
     }
 
-    /// Tells whether no face below a node comes after `f` and may face it.
+    /// Returns whether no face below a node comes after `f` and may face it.
     pub(super) fn is_behind(&self, f: usize, node: usize) -> bool {
         let Some(node) = self.nodes.get(node) else {
             return true;

@@ -1,4 +1,4 @@
-//! What the exact method is asked for.
+//! The settings of the exact method.
 
 use super::row_tolerance::{ExactRows, ROW_TOLERANCE};
 use crate::form_factor::entry::{MethodEntry, Work};
@@ -39,24 +39,8 @@ use crate::setting::{Kind, Setting, Value};
 /// the estimate has what its last digits leave open, too: how far A_i F_ij and the areas change where corners and the edges of occluders move by half a unit. Patches that do not face each other there, but may do so as they were meant, have an entry of 0 with an error, down to a hundredth of the tolerance. Where that brings the estimate of a pair, full or partial, above
 /// the tolerance, the pair is one of [`PairCounts::n_above_by_rounding`](crate::form_factor::PairCounts::n_above_by_rounding) and [`Computed::tolerance_met`](crate::form_factor::Computed::tolerance_met) is false as well: more work does not help there. Below the tolerance, integrals leave room for it, up to half of the tolerance. 0 ≤ A_i F_ij ≤ the exchange area without occluders.
 ///
-/// Speed on one core of an x86-64 machine with AVX-512, all pairs, medians of 10 runs of `cargo bench --bench form_factors`; the error is max_i Σ_j |F_ij − exact|,
-/// with `exact` at 1e-9 for the exact ones:
-///
-/// | scene | patches | tolerance | time | error |
-/// |---|---|---|---|---|
-/// | `cube` | 1014 | 1e-6 | 0.079 s | 5e-14 |
-/// | `room-box` | 12 | 1e-6 | 0.044 s | 4e-8 |
-/// | `room-box` | 108 | 1e-6 | 0.089 s | 2e-8 |
-/// | `room-box` | 972 | 1e-5 | 0.69 s | 6e-7 |
-/// | `room-box` | 4332 | 1e-5 | 3.4 s | 4e-7 |
-/// | `room-box` | 4332 | 1e-3 | 1.8 s | 5e-5 |
-///
-/// Another machine of that kind, with other work on its cores, took 0.15 to 0.17 s for the cube, 0.12 s for 108 patches and 3.2 s for the last row. On two cores the last row takes
-/// 1.07 to 1.12 s (5 runs; on the other machine 1.9 to 2.5 s), at 1e-5 1.83 to 1.90 s and at 1e-6 3.7 s: `radiosity form-factors scenes/room-box/scene.obj --subdivide 19 --tolerance 1e-3`,
-/// the time told for form factors.
-/// Growth: as n^1.06 from 972 to 4332 patches at one tolerance; in the end as n², the number of pairs. With the number of faces only pairs that may see each other count: a ball
-/// of 1280, 5120 and 20 480 triangles over a floor, of which 1044, 4164 and 16 674 see it, takes 0.05, 0.22 and 1.0 s of CPU time (one run each;
-/// `cargo test --release --test library -- --ignored exact::` has the largest).
+/// Growth: at one tolerance slightly faster than n for n patches of the same faces; in the end n², the number of pairs. With the number of faces, only pairs that may see each other count.
+/// Times: `docs/performance.md`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExactMethod {
     /// The tolerance of a partly visible pair, on A_i F_ij / min(A_i, A_j): the absolute error of the larger of F_ij and F_ji.

@@ -113,7 +113,7 @@ impl Patches {
         reaches.reduce(|| f64::INFINITY, f64::min)
     }
 
-    /// Tells whether two faces are one patch each.
+    /// Returns whether two faces are one patch each.
     pub(super) fn are_one_pair(&self, faces: [usize; 2]) -> bool {
         faces.iter().all(|&face| self.faces[face].range().len() == 1)
     }

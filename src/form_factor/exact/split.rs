@@ -70,7 +70,7 @@ struct Leaf {
     cost: usize,
 }
 
-/// What a pair was taken apart into.
+/// The parts of a pair.
 struct Parts {
     leaves: Vec<Leaf>,
     /// The exchange area, m², of parts that see all of each other, and its error.
@@ -346,7 +346,7 @@ impl Split<'_> {
     }
 }
 
-/// Tells whether one polygon is `times` as large as the other, or more.
+/// Returns whether one polygon is `times` as large as the other, or more.
 fn are_unlike(p: &[DVec3], q: &[DVec3], times: f64) -> bool {
     let [a, b] = [p, q].map(|side| polygon::area_vector(side).length());
     a.max(b) >= times * a.min(b)

@@ -22,7 +22,7 @@ const UNSTATED: f64 = 1e-2;
 /// What rounded corners reach in between patches that they were meant to touch, in units of the slack for which that is left out: half a unit of the last place for each of two.
 const REACH: f64 = 0.5;
 
-/// What two patches see of each other, as far as rounding has to do with it.
+/// The visible parts of two patches, as far as rounding affects them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Seen<'a> {
     /// A_i F_ij, m².
@@ -54,7 +54,7 @@ impl Seen<'_> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stated {
     pub(super) exchange: Exchange,
-    /// What of the error comes of rounded corners, m².
+    /// The part of the error that comes from rounded corners, m².
     rounding: f64,
     /// True if the error was within the tolerance before that.
     integrated: bool,
@@ -94,7 +94,7 @@ impl Stated {
 }
 
 impl Batches<'_> {
-    /// Returns an exchange area, its error with what comes of rounded corners; `integrated` tells whether it is within the tolerance without.
+    /// Returns an exchange area, its error with what comes of rounded corners; `integrated` is true if it is within the tolerance without.
     pub(super) fn stated(&self, pair: [usize; 2], seen: Seen<'_>, exchange: Exchange, integrated: bool) -> Stated {
         let rounding = self.rounding(pair, seen);
         Stated {
@@ -174,7 +174,7 @@ impl Batches<'_> {
         }
     }
 
-    /// Tells whether what a pair may exchange by rounding alone is worth an entry.
+    /// Returns whether what a pair may exchange by rounding alone is worth an entry.
     pub(super) fn is_stated(&self, pair: [usize; 2], most: f64) -> bool {
         most > UNSTATED * self.goal(pair)
     }

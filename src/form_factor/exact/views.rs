@@ -26,7 +26,7 @@ struct Search<'a> {
     from: Outlook<'a>,
     /// The candidates of all nodes on the way from the root, one after the other.
     candidates: Vec<Candidate>,
-    /// What hid something last comes first.
+    /// The occluder that hid something last comes first.
     closers: [Option<Closer>; N_CLOSERS],
     scratch: Vec<OccluderId>,
     found: Views,
@@ -104,7 +104,7 @@ impl Search<'_> {
         self.candidates.truncate(begin);
     }
 
-    /// Tells whether a face comes later, and faces this one.
+    /// Returns whether a face comes later, and faces this one.
     fn is_seen(&self, g: usize) -> bool {
         g > self.face && self.batches.faces_face(self.face, g)
     }
@@ -158,7 +158,7 @@ impl Search<'_> {
         });
     }
 
-    /// Adds a face, of which `between` tells what stands in between.
+    /// Adds a face, with its occluders in `between`.
     fn push(&mut self, g: usize, between: impl FnOnce(&mut Self) -> Between) {
         let (batches, f) = (self.batches, self.face);
         let known = if !batches.any_moved([f, g]) && batches.is_kept(batches.hull(f), batches.hull(g)) {
@@ -344,7 +344,7 @@ mod tests {
         n_sharper: usize,
     }
 
-    /// Tells whether a convex polygon crosses some of the segments between two others by more than rounding.
+    /// Returns whether a convex polygon crosses some of the segments between two others by more than rounding.
     fn is_between(p: &[DVec3], q: &[DVec3], occluder: &[DVec3]) -> bool {
         let plane = crate::visibility::plane::Plane::of(occluder);
         let point = |corners: &[DVec3], k: usize| {

@@ -42,7 +42,7 @@ impl Walk<'_> {
         }
     }
 
-    /// Tells whether both faces are one patch each.
+    /// Returns whether both faces are one patch each.
     fn is_one_pair(&self) -> bool {
         let faces = [self.rows.patches.start, self.runs[0].patches.start];
         let patches = &self.batches.patches;

@@ -193,7 +193,7 @@ impl Extent {
         }
     }
 
-    /// Tells whether a plane parts the solid from the convex hull of a cell and a target: then it hides nothing between them. False where that is not certain.
+    /// Returns whether a plane parts the solid from the convex hull of a cell and a target: then it hides nothing between them. False where that is not certain.
     pub(super) fn is_beside(&self, cell: &[DVec3; 3], target: &[DVec3]) -> bool {
         let parts = |a: DVec3, b: DVec3, c: DVec3| {
             let normal = (b - a).cross(c - a);

@@ -113,7 +113,7 @@ impl Cells {
         }
     }
 
-    /// Tells whether no event is left that crosses a cell.
+    /// Returns whether no event is left that crosses a cell.
     pub(super) fn are_whole(&self) -> bool {
         self.are_whole
     }

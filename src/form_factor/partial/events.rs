@@ -86,7 +86,7 @@ impl Screen {
         (beyond.abs() > tolerance * (y - x).length()).then_some(beyond.total_cmp(&0.0))
     }
 
-    /// Tells whether the vertex is a corner of the screen, or the edge one of its edges.
+    /// Returns whether the vertex is a corner of the screen, or the edge one of its edges.
     fn touches(&self, vertex: &Vertex, edge: &Edge) -> bool {
         let has = |p: DVec3| self.corners.iter().any(|&(corner, _)| corner == p);
         has(vertex.position) || edge.ends.iter().all(|&end| has(end))
@@ -359,7 +359,7 @@ impl<'a> Outline<'a> {
         })
     }
 
-    /// Returns where, seen from the receiver, the vertex lies on the edge; `far_edge` tells which of them is behind the other.
+    /// Returns where, seen from the receiver, the vertex lies on the edge; `far_edge` is true if the edge is behind the vertex.
     fn event(&self, vertex: &Vertex, edge: &Edge, far_edge: bool) -> Option<Event> {
         let v = vertex.position;
         // A corner of the target lies behind any occluder, an edge of the target too.

@@ -111,7 +111,7 @@ impl PointViews {
         if is_on_face { Place::OnFace } else { Place::Free }
     }
 
-    /// Tells whether light from a unit direction reaches a point past all faces, and whether that is certain: whether it passes no border nearer than corners may be off.
+    /// Returns whether light from a unit direction reaches a point past all faces, and whether that is certain: whether it passes no border nearer than corners may be off.
     pub(crate) fn is_lit(&self, point: DVec3, direction: DVec3) -> (bool, bool) {
         // How far inside of the face light meets its plane, m; below 0 outside.
         let depth = |face: &Plate| {
@@ -151,7 +151,7 @@ impl PointViews {
         View::look(self, (point, normal), scratch, visit)
     }
 
-    /// Tells whether an occluder hides nothing of a plate because no part of the plate is beyond it, or all of it in its plane.
+    /// Returns whether an occluder hides nothing of a plate because no part of the plate is beyond it, or all of it in its plane.
     pub(super) fn is_before(&self, plate: &Plate, occluder: &Plate, point: DVec3) -> bool {
         let sign = occluder.height(point).signum();
         let heights = || plate.corners.iter().map(|&v| occluder.height(v));

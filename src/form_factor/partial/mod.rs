@@ -100,7 +100,7 @@ pub struct Partial {
 /// smooth but for small bends, and plain subdivision finds these. Cells that see nothing of the solid are told by a plane between; others in which all points agree state what may lie between the points. Where 200 evaluations for each side do not reach the goal, the lines are looked for after all.
 /// More than 4096 cells or a million pairs of vertices and edges are left to plain subdivision, which finds their lines with more evaluations.
 /// A polygon without area, or with less than three corners, exchanges nothing; coordinates that are not finite give NaN.
-/// Cost: for each cell 3 or 4, 7 or 9, or for each triangle of it 13 or 25 evaluations of 0.3 µs (one occluder) to 3 µs (eighteen); P has as many cells as discontinuity lines cut it into.
+/// Cost: for each cell 3 or 4, 7 or 9, or for each triangle of it 13 or 25 evaluations, each in proportion to the number of occluders; P has as many cells as discontinuity lines cut it into.
 ///
 /// Source: Lambert's formula as in [`point_form_factor`](crate::geometry::point_form_factor::point_form_factor); the discontinuity lines are the
 /// EV events of Gigus and Malik, "Computing the Aspect Graph for Line Drawings of Polyhedral Objects", IEEE PAMI 12(2), 1990, as discontinuity meshing of shadows
@@ -219,7 +219,7 @@ impl Integration {
         }
     }
 
-    /// Tells whether more work would change anything.
+    /// Returns whether more work would change anything.
     pub(super) fn is_open(&self) -> bool {
         matches!(self.state, State::Open(_))
     }
@@ -274,7 +274,7 @@ fn first_receives(sides: &[Vec<DVec3>; 2], occluders: &[Occluder<'_>]) -> bool {
         != Ordering::Greater
 }
 
-/// Tells whether any of some points lies in front of a polygon's plane.
+/// Returns whether any of some points lies in front of a polygon's plane.
 fn is_before(points: &[DVec3], polygon: &[DVec3]) -> bool {
     let normal = polygon::area_vector(polygon).normalize_or_zero();
     let size = polygon
@@ -302,9 +302,7 @@ const MAX_EVENT_PAIRS: usize = 1 << 20;
 const SMALL: f64 = 0.1;
 
 /// The same for a pair with many occluders, as [`uncut`] has it: a cut costs far more there, and many small shadows make something smooth together.
-///
-/// A hundred houses on a ground of a hundred squares, 600 patches with 38,503 partly hidden pairs, take 1.6, 2.4, 6.9, 25.7 and 44.5 s of CPU time at tolerances of 1e-2 to 1e-6, and 21, 25, 30, 37 and 45 s
-/// if all are cut (two runs each, the same to 2 per cent); no error there is beyond what is stated that was not before.
+/// Times: `docs/performance.md`.
 const SMALL_AMONG_MANY: f64 = 40.0;
 
 /// Evaluations past bodies, for each side in the way, after which their discontinuity lines are looked for: these are more the more sides there are, and so is the work between them.
@@ -313,7 +311,7 @@ const PAST_BODIES: usize = 200;
 /// The least part of the error allowed that is stated there.
 const PAST_BODIES_SHARE: f64 = 0.02;
 
-/// What of the exchange area without occluders the uncut receiver's triangles may miss: a shadow that lies between all of their seven points.
+/// The fraction of the unoccluded exchange area that a shadow between the seven sample points can hide.
 const UNSEEN: f64 = 0.15;
 
 /// The least part of the error allowed that is stated of three or four points in a cell.
@@ -374,7 +372,7 @@ impl<'a> View<'a> {
         })
     }
 
-    /// Tells whether all occluders are sides of one convex body, seen from outside: three of its edges never cross in a view.
+    /// Returns whether all occluders are sides of one convex body, seen from outside: three of its edges never cross in a view.
     fn occluders_are_convex(&self) -> bool {
         let corners = || self.occluders.iter().flat_map(|occluder| occluder.corners.iter());
         let mut planes = self.occluders.iter().map(|occluder| Flat::of(&occluder.corners));

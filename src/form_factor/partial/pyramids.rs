@@ -104,13 +104,13 @@ impl Cell {
 }
 
 impl Extent {
-    /// Tells whether something of this extent may fill a cell.
+    /// Returns whether something of this extent may fill a cell.
     pub(super) fn spans(&self, cell: &Cell) -> bool {
         let rounding = ON_SIDE * (cell.high.abs() + cell.low.abs());
         self.low.cmple(cell.low + rounding).all() && self.high.cmpge(cell.high - rounding).all()
     }
 
-    /// Tells whether something of this extent may hide a part of something of another.
+    /// Returns whether something of this extent may hide a part of something of another.
     pub(super) fn may_hide(&self, other: &Self) -> bool {
         self.near < other.far && self.low.cmplt(other.high).all() && other.low.cmplt(self.high).all()
     }

@@ -324,7 +324,7 @@ impl Between {
         (if weight.is_finite() { weight } else { 0.0 }, [x, y])
     }
 
-    /// Tells whether an occluder stops a ray; the one that stopped the `last` is looked at first.
+    /// Returns whether an occluder stops a ray; the one that stopped the `last` is looked at first.
     fn is_stopped(&self, [x, y]: [DVec3; 2], last: &mut usize) -> bool {
         let stops = |screen: &Screen| {
             let (h_x, h_y) = (screen.plane.height(x), screen.plane.height(y));

@@ -249,7 +249,7 @@ impl Shadows {
         a.one_sided && b.one_sided && is_behind(&a.plane, &b.edges) && is_behind(&b.plane, &a.edges)
     }
 
-    /// Tells whether several bodies have hidden something since [`forget`](Self::forget).
+    /// Returns whether several bodies have hidden something since [`forget`](Self::forget).
     pub(super) fn several_hide(&self) -> bool {
         self.hiding.count_ones() > 1
     }

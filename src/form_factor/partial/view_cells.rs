@@ -444,7 +444,7 @@ fn keep_inside(corners: &[DVec3], normal: DVec3, inside: &mut Vec<DVec3>) -> Kep
     if inside.len() >= 3 { Kept::Part } else { Kept::Nothing }
 }
 
-/// Tells whether a point is in the plane of a plate.
+/// Returns whether a point is in the plane of a plate.
 fn is_edge_on(plate: &Plate, point: DVec3) -> bool {
     plate.height(point).abs() <= f64::EPSILON * plate.ball.middle.distance(point)
 }
@@ -477,7 +477,7 @@ fn pyramid_over(plate: &Plate, point: DVec3, beyond: bool, half_spaces: &mut Vec
 }
 
 impl Cutting {
-    /// Cuts from the fragments of a back what a front in its plane covers; tells whether that is anything.
+    /// Cuts from the fragments of a back the part that a front in its plane covers; returns whether there is any.
     fn cut_cover(&mut self, cover: &Plate, point: DVec3) -> bool {
         let mut half_spaces = std::mem::take(&mut self.cover);
         half_spaces.clear();
@@ -487,7 +487,7 @@ impl Cutting {
         is_cut
     }
 
-    /// Cuts what lies in all half-spaces from the fragments; tells whether that is anything.
+    /// Cuts the part in all half-spaces from the fragments; returns whether there is any.
     fn cut_away(&mut self, half_spaces: &[HalfSpace]) -> bool {
         let Self {
             fragments,

@@ -326,7 +326,7 @@ fn gap(one: &End, other: &End) -> f64 {
     from(one, other).max(from(other, one)) - one.off - other.off
 }
 
-/// Tells whether all of an end may lie in the plane of another.
+/// Returns whether all of an end may lie in the plane of another.
 fn lies_in_plane(end: &End, over: &End) -> bool {
     (0..end.corners.len()).all(|c| {
         let height = over.normal.dot(end.corners[c] - over.middle);

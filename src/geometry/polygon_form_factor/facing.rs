@@ -17,7 +17,7 @@ pub(super) struct FacingPair<'a> {
     pub(super) shift: DVec3,
 }
 
-/// What is left of a polygon in front of a plane.
+/// The part of a polygon in front of a plane.
 pub(super) struct Part<'a> {
     pub(super) polygon: WholeOrCut<'a>,
     /// Of the corners over the other's plane, in m; none is negative.

@@ -1,4 +1,4 @@
-//! What the contour integral asks of its numbers, so that one text serves two precisions.
+//! The operations that the contour integral requires of its numbers, so that one source serves two precisions.
 
 use std::num::NonZeroUsize;
 use std::ops::{Add, Div, Mul, Neg, Sub};

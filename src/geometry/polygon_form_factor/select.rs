@@ -1,4 +1,4 @@
-//! Which rule is the cheapest that is good enough.
+//! The choice of the cheapest rule that is accurate enough.
 
 use std::f64::consts::PI;
 

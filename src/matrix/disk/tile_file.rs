@@ -24,11 +24,11 @@ pub(in crate::matrix) struct TileFile<T> {
     file: File,
     directory: PathBuf,
     waiting_byte: u64,
-    /// What is known of the tiles, row by row.
+    /// The properties of the tiles, row by row.
     rows: Vec<Vec<Slot>>,
     n_byte: u64,
     n_nonzero: usize,
-    /// What went wrong first.
+    /// The first failure.
     failure: OnceLock<DiskError>,
     bands: Bands<T>,
 }
@@ -42,7 +42,7 @@ struct Slot {
     form: Form,
 }
 
-/// What is read of a tile.
+/// The part of a tile that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::matrix) enum Part {
     /// The numbers; the standard errors read as zero.

@@ -60,7 +60,7 @@ impl Coefficients {
         }
     }
 
-    /// Tells whether there are enough of them for [`products`].
+    /// Returns whether there are enough of them for [`products`].
     pub(crate) fn is_long(&self) -> bool {
         self.len() >= SHORT
     }

@@ -1,4 +1,4 @@
-//! What all storages are made of: numbers, sizes, memory that suits the processor, and the inner loops.
+//! The base of all storages: numbers, sizes, memory that suits the processor, and the inner loops.
 
 pub(super) mod aligned;
 pub(super) mod coefficients;

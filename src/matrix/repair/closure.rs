@@ -22,7 +22,7 @@ struct Problem<'a> {
     areas: Vec<f64>,
     /// The sums that the rows of exchange areas are to have, with what they lose.
     targets: Vec<f64>,
-    /// What they lose, with its variance.
+    /// The loss of each row, with its variance.
     lost: Vec<(f64, f64)>,
     n_passes: usize,
 }
@@ -34,7 +34,7 @@ impl FormFactors {
     /// error: x_ij = max(0, a_ij + s_ij² (λ_i + λ_j)). What a row loses is one more entry of it, with the variance that `targets` states. Entries without an error stay as they are, so that full and hidden pairs are not spoilt for the sake of partial
     /// ones; reciprocity is kept to the last bit. The error of an entry becomes the step that it made, where that is greater than the error.
     ///
-    /// What is repaired are the row sums: the entries become better as far as their errors say who is to blame. On form factors by counts
+    /// The repair corrects the row sums; entries improve as far as their errors locate the defect. On form factors by counts
     /// of rays, where an entry that was never hit has no error, take [`balanced`](Self::balanced).
     ///
     /// λ is found by Newton's method on the dual problem, whose linear systems (a Laplacian with plus signs) are solved by conjugate gradients with the diagonal as preconditioner. Stops when every
@@ -139,7 +139,7 @@ impl Problem<'_> {
         (defect, worst)
     }
 
-    /// Tells for each row whether it has any entry or loses light, and whether one of these has an error; one pass over F.
+    /// Returns for each row whether it has any entry or loses light, and whether one of these has an error; one pass over F.
     fn what_rows_have(&mut self) -> (Vec<bool>, Vec<bool>) {
         self.n_passes += 1;
         let problem = &*self;

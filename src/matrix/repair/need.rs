@@ -1,4 +1,4 @@
-//! Which repair suits form factors, and what for.
+//! The choice of a repair by the use of the form factors.
 
 use super::balance::{BalanceReport, Weighting};
 use crate::matrix::checks::RowTargets;
@@ -6,7 +6,7 @@ use crate::matrix::error::MatrixError;
 use crate::matrix::form_factors::FormFactors;
 use crate::matrix::tile::RowTally;
 
-/// What form factors are wanted for.
+/// The use of form factors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Need {
     /// For themselves.
@@ -119,7 +119,7 @@ impl FormFactors {
         Ok((repaired, Some(report)))
     }
 
-    /// Tells whether every row is a count of independent rays.
+    /// Returns whether every row is a count of independent rays.
     #[must_use]
     pub fn has_rays(&self) -> bool {
         self.tallies().iter().map(RowTally::effective_rays).all(|n| n.is_some())

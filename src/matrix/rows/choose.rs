@@ -1,4 +1,4 @@
-//! Which layout a tile of rows gets.
+//! The choice of the layout of a tile of rows.
 
 use std::sync::Arc;
 

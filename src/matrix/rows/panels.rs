@@ -1,15 +1,14 @@
 //! The order in which the entries of a tile of rows are kept: by panels of columns, and row by row in each.
 //!
-//! What several rows take of x in a panel is in the first-level cache, and the entries are read in one stream. Row by row, three channels of x came from the second-level cache
-//! again and again, and rows with x in panels jumped from row to row.
+//! The part of x that several rows read in a panel stays in the first-level cache, and the entries are read in one stream.
 
 use std::ops::Range;
 
 use crate::matrix::kernel::sizes::SIDE;
 use crate::matrix::tile::{Entry, RowTile};
 
-/// The least columns of a panel: x in them takes 24 kB with three channels, and 32 kB where lists fill them up to four: no more than a first-level cache has. Half as many were no faster, and sweeps by rows,
-/// which begin anew in each panel, took 7.5 ms for 7.0 (Zen 4, 6144 patches, one in 4).
+/// The least columns of a panel: x in them takes 24 kB with three channels, and 32 kB where lists fill them up to four, which fits a first-level cache. Fewer columns slow sweeps by rows down, because
+/// these begin anew in each panel.
 const MIN_COLUMNS: usize = 1024;
 
 /// The order of the entries of a tile.

@@ -33,7 +33,7 @@ pub(in crate::matrix) struct Meeting<'a> {
     pub(in crate::matrix) y_columns: &'a mut [f64],
 }
 
-/// What [`Meeting::of_full_size`] takes for granted.
+/// The preconditions of [`Meeting::of_full_size`].
 const FULL_SIZE: &str = "a tile of the full size";
 
 /// A [`Meeting`] of [`SIDE`] rows and columns.

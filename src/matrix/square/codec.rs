@@ -5,7 +5,7 @@ use super::tile::{Full, List, Square, Values, listed};
 use crate::matrix::kernel::aligned::Aligned;
 use crate::matrix::kernel::scalar::Scalar;
 
-/// What must be known of a tile to read its bytes.
+/// The properties of a tile that reading its bytes requires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::matrix) struct Form {
     /// None of the numbers is stored, all, or some with their places.

@@ -1,4 +1,4 @@
-//! Which places of a square tile have an entry.
+//! The occupancy bitmap of a square tile.
 
 #![expect(
     clippy::inline_always,

@@ -1,4 +1,4 @@
-//! What a few rows of tiles of a symmetric matrix add to y.
+//! The contribution of a few rows of tiles of a symmetric matrix to y.
 
 use std::ops::Range;
 
@@ -99,7 +99,7 @@ impl PassSums {
     }
 }
 
-/// What is to be added to y from row `first` on.
+/// The sums to be added to y from row `first` on.
 pub(in crate::matrix) struct PieceOfY {
     first: usize,
     /// Channel by channel, so far apart.

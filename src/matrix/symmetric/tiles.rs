@@ -116,7 +116,7 @@ struct Tiles<T> {
     n: usize,
     /// f_i = max A / A_i: F_ij = f_i s_ij.
     row_factors: Vec<f64>,
-    /// What a pass reads.
+    /// The data that a pass reads.
     pass_byte: usize,
     rows: Rows<T>,
 }

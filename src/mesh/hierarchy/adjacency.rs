@@ -1,4 +1,4 @@
-//! Which faces, or groups of faces, may be joined to a coarser patch.
+//! The faces, or groups of faces, that may be joined to a coarser patch.
 
 use std::collections::{BTreeMap, HashMap};
 

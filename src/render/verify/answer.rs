@@ -1,4 +1,4 @@
-//! What a pixel must show.
+//! The expected content of a pixel.
 
 use glam::DVec3;
 
@@ -8,7 +8,7 @@ use crate::scene::SurfaceId;
 /// Exitance and reflectance.
 pub(super) type Material = ([f64; 3], [f64; 3]);
 
-/// What is known about a pixel without looking at it.
+/// The properties of a pixel that follow from scene and view.
 #[derive(Clone, Debug)]
 pub(super) enum PixelAnswer {
     /// No sample of the pixel is on a surface.
@@ -19,7 +19,7 @@ pub(super) enum PixelAnswer {
     Surface(Box<Shown>),
 }
 
-/// What a pixel shows.
+/// The content of a pixel.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shown {
     /// The mean reflectance over the samples, backs counting as 0, where it is known.
@@ -47,7 +47,7 @@ impl PixelAnswer {
         !matches!(self, Self::Background)
     }
 
-    /// Tells whether the pixel shows backs of faces, and no front: it is black, and says nothing of the light.
+    /// Returns whether the pixel shows backs of faces, and no front: it is black, and says nothing of the light.
     pub(super) fn is_back(&self) -> bool {
         self.shown().is_some_and(|shown| !shown.front)
     }

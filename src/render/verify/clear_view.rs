@@ -18,7 +18,7 @@ impl Plate {
         Self { corners, normal }
     }
 
-    /// Tells whether this is the same face.
+    /// Returns whether this is the same face.
     pub(super) fn is(&self, other: &Self) -> bool {
         self.corners == other.corners
     }

@@ -1,4 +1,4 @@
-//! Which face a ray meets first, in f64.
+//! The first face that a ray hits, in f64.
 
 use std::sync::OnceLock;
 
@@ -34,7 +34,7 @@ pub(super) struct Faces<'a> {
     size: Size,
 }
 
-/// What a ray meets.
+/// The hit of a ray.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hit {
     pub(super) face: usize,

@@ -231,7 +231,7 @@ impl<'a> Layers<'a> {
             .count()
     }
 
-    /// Tells whether position, normal, depth and patch are those of what the pixel's centre shows.
+    /// Returns whether position, normal, depth and patch are those of what the pixel's centre shows.
     fn is_placed(&self, sheet: &Sheet, k: usize, index: usize, reference: &Reference<'_>) -> bool {
         let (face, point, slack) = match sheet.centres[k] {
             // Where it is, is not sure; a number it must be.
@@ -260,14 +260,14 @@ impl<'a> Layers<'a> {
             && self.patch.is_none_or(|patch| patch[index] != u32::MAX)
     }
 
-    /// Tells whether position, normal, depth and patch are those of a centre that shows nothing.
+    /// Returns whether position, normal, depth and patch are those of a centre that shows nothing.
     fn shows_nothing(&self, index: usize) -> bool {
         let triples = [Some(self.position), self.normal, self.depth.map(|depth| [depth; 3])];
         triples.iter().flatten().all(|channels| is_zero(channels, index))
             && self.patch.is_none_or(|patch| patch[index] == u32::MAX)
     }
 
-    /// Tells whether all colours and their errors are 0.
+    /// Returns whether all colours and their errors are 0.
     fn is_black(&self, index: usize) -> bool {
         let light = self.light.iter().flatten();
         let others = [Some(self.direct), self.albedo, self.noise];
@@ -275,7 +275,7 @@ impl<'a> Layers<'a> {
         all.all(|channels| is_zero(channels, index)) && self.samples.is_none_or(|samples| samples[index] == 0)
     }
 
-    /// Tells whether a pixel's light lies between the bounds that hold for any pixel of the scene, and its radiance is radiosity/π.
+    /// Returns whether a pixel's light lies between the bounds that hold for any pixel of the scene, and its radiance is radiosity/π.
     fn is_possible(&self, index: usize, reference: &Reference<'_>) -> bool {
         let limits = &self.limits;
         let rounding = reference.layer_rounding();

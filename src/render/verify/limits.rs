@@ -13,7 +13,7 @@ const UNSTATED: f64 = 10.0;
 /// How far irradiance may fall below the direct light, as a share of the largest exitance, where no error is stated.
 const UNSTATED_BELOW: f64 = 0.05;
 
-/// What a pixel's light cannot exceed, channel by channel.
+/// The upper bound of a pixel's light, channel by channel.
 pub(super) struct Limits {
     /// The most direct irradiance.
     pub(super) direct: [f64; 3],

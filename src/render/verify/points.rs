@@ -427,7 +427,7 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// Tells whether a point is as near to a plate as rounding to f32 may be off.
+    /// Returns whether a point is as near to a plate as rounding to f32 may be off.
     fn touches(&self, plate: &Plate, point: DVec3) -> bool {
         let near = 1e-6 * self.size.extent + self.slack;
         plate.normal.dot(point - plate.corners[0]).abs() <= near && plate.depth(point) >= -near

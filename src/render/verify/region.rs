@@ -1,4 +1,4 @@
-//! What the points of a flat region see of the emitters.
+//! The emitters as the points of a flat region see them.
 
 use glam::DVec3;
 

@@ -1,8 +1,8 @@
-//! What verification finds.
+//! The report of a verification.
 
 use serde::Serialize;
 
-/// What verification found; see [`verify`](super::verify()).
+/// The result of a verification; see [`verify`](super::verify()).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct VerifyReport {

@@ -217,7 +217,7 @@ impl Sums {
     }
 }
 
-/// Tells whether any of the occluders is met between two points.
+/// Returns whether any of the occluders is met between two points.
 fn first_met(from: DVec3, to: DVec3, occluders: &[&Plate], margin: f64) -> Meets {
     let mut found = Meets::No;
     for occluder in occluders {

@@ -121,7 +121,7 @@ impl Plane {
         }
     }
 
-    /// Tells whether two convex outlines share more than the tolerance explains.
+    /// Returns whether two convex outlines share more than the tolerance explains.
     fn overlap(&self, a: &[DVec3], b: &[DVec3]) -> bool {
         let apart = |by: &[DVec3], other: &[DVec3]| {
             lines(by).any(|line| {
@@ -132,7 +132,7 @@ impl Plane {
         !apart(a, b) && !apart(b, a)
     }
 
-    /// Tells whether a convex outline contains another one.
+    /// Returns whether a convex outline contains another one.
     pub(super) fn contains(&self, outer: &[DVec3], inner: &[DVec3]) -> bool {
         lines(outer).all(|line| {
             let inward = self.inward(line);

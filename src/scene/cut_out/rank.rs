@@ -1,4 +1,4 @@
-//! Which of two faces that overlap keeps the area in common.
+//! The choice of the face that keeps the common area of two overlapping ones.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -152,7 +152,7 @@ fn kind(scene: &Scene, face: FaceId) -> (SurfaceId, MaterialId) {
     (face.surface, face.material)
 }
 
-/// Tells whether two faces with an edge in common look the same way from one plane.
+/// Returns whether two faces with an edge in common look the same way from one plane.
 fn in_one_plane(scene: &Scene, face: FaceId, other: FaceId, tolerance: f64) -> bool {
     let measured = [face, other].map(|face| {
         let corners = scene.polygon(face);

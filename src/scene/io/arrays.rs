@@ -9,7 +9,7 @@ use super::polygons::{FileMaterial, NONE, Polygons};
 use super::{Counts, LoadOptions, Loaded, assemble};
 use crate::scene::{MAX_COORDINATE, Numbering, Origin, SceneError, SceneErrorKind, Written};
 
-/// What messages call a scene from arrays, where they name no face.
+/// The name of a scene from arrays in messages that name no face.
 pub(crate) const NAME: &str = "scene";
 
 /// Faces in memory, with their surfaces and materials.

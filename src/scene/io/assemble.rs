@@ -174,7 +174,7 @@ fn flipped(groups: &[String], file: &Path, flip: &Flip) -> Result<Vec<bool>, Sce
     Ok(groups.iter().map(|group| names.contains(group)).collect())
 }
 
-/// Gives a scene the reflectances and exitances of a file, and takes back what was said of materials without any.
+/// Gives a scene the reflectances and exitances of a file, and removes the warnings of materials without any.
 fn paint(loaded: &mut Loaded, file: &Path, unassigned: &str, max_exitance: f64) -> Result<(), SceneError> {
     let Loaded { scene, warnings } = loaded;
     let paints = Lighting::load_up_to(file, scene, max_exitance)?;
@@ -286,7 +286,7 @@ impl Assembly<'_> {
         self.builder.material(material).map_err(|error| refused(error.kind))
     }
 
-    /// Tells what is doubtful about a material; of those that are not diffuse the first one, and how many there are.
+    /// Returns the doubts about a material; of those that are not diffuse the first one, and how many there are.
     fn doubt(&mut self, doubts: &[SceneWarning]) {
         for doubt in doubts {
             let told = self.warnings.iter_mut().find_map(|warning| match &mut warning.kind {

@@ -56,7 +56,7 @@ impl Format {
     /// Returns the format of a file: by its content, and if that shows none, by its suffix; OBJ, where neither shows one. What a pipe will give cannot be looked at.
     ///
     /// # Errors
-    /// Those of the file system.
+    /// Errors of the file system.
     pub fn of(path: impl AsRef<Path>) -> Result<Self, SceneError> {
         let path = path.as_ref();
         let unreadable = |source| SceneError::new(Origin::file(path), SceneErrorKind::Unreadable { source });

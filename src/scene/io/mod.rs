@@ -1,6 +1,6 @@
 //! Scene files: one reader a format, behind one trait, and one way from what they hold to a [`Scene`](super::Scene).
 //!
-//! [`Format`] lists the formats and tells which one a file has. A reader returns the polygons of a file, with the names of surfaces and
+//! [`Format`] lists the formats and detects that of a file. A reader returns the polygons of a file, with the names of surfaces and
 //! materials; `assemble` scales and turns them, joins vertices, parts faces into surfaces where the file names none, and hands them to a
 //! [`SceneBuilder`](super::SceneBuilder), which checks them.
 //!
@@ -101,7 +101,7 @@ impl Counts {
 ///   faces that are not along the axes may stand out of the larger one by a unit of each coordinate's last place.
 /// - OBJ: `fo` is read as `f`, and keywords in capitals as in small letters, with a warning. Texture coordinates, normals and attributes are ignored; lines, points, free-form curves and
 ///   surfaces, calls and unknown statements are skipped, with a warning of each kind. Volume cells of gmsh and VTK are skipped, with a warning; cells of higher order are read as flat, through their corners, with a warning.
-/// - A library that is not where `mtllib` says is looked for by its file name beside the scene file, whatever its case, with a warning.
+/// - A library that is not at the path of `mtllib` is searched by its file name beside the scene file, whatever its case, with a warning.
 ///
 /// Accuracy: coordinates, reflectance and exitance are the nearest f64 to the text, or the numbers of a binary file. How far they may be off what was meant, by the digits of the text or the 24 bits of a binary f32,
 /// is in [`Scene::written`], and is part of the errors of form factors.

@@ -32,7 +32,7 @@ pub(super) struct FileMaterial {
     pub(super) exitance: [f64; 3],
     /// Where the exitance is stated.
     pub(super) at: Origin,
-    /// What is doubtful about it, if a face has it.
+    /// The doubt about it, if a face has it.
     pub(super) doubts: Vec<SceneWarning>,
 }
 
@@ -88,7 +88,7 @@ pub(super) struct Names {
 }
 
 impl Names {
-    /// Tells whether a name is among them.
+    /// Returns whether a name is among them.
     pub(super) fn has(&self, name: &str) -> bool {
         self.number_of.contains_key(name)
     }

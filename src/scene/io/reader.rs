@@ -1,4 +1,4 @@
-//! What a format of scene files is: its names, how its files are known, and how they are read.
+//! A format of scene files: its names, how its files are known, and how they are read.
 
 #[cfg(feature = "cli")]
 use std::path::{Path, PathBuf};
@@ -16,13 +16,13 @@ pub(super) trait Reader: Sync {
     /// Its name, in small letters.
     fn name(&self) -> &'static str;
 
-    /// What it is, for a list.
+    /// Its description, for a list.
     fn summary(&self) -> &'static str;
 
     /// The suffixes of its files, in small letters.
     fn suffixes(&self) -> &'static [&'static str];
 
-    /// Tells whether a file begins as those of the format do.
+    /// Returns whether a file begins as those of the format do.
     fn recognises(&self, head: &Head<'_>) -> bool;
 
     /// Reads the polygons of a file.
@@ -44,13 +44,13 @@ pub(super) struct Head<'a> {
 }
 
 impl Head<'_> {
-    /// Tells whether the file begins with some text, after a byte-order mark and blanks.
+    /// Returns whether the file begins with some text, after a byte-order mark and blanks.
     pub(super) fn begins_with(&self, text: &str) -> bool {
         let bytes = self.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(self.bytes);
         bytes.trim_ascii_start().starts_with(text.as_bytes())
     }
 
-    /// Tells whether some text is in the head.
+    /// Returns whether some text is in the head.
     pub(super) fn contains(&self, text: &str) -> bool {
         self.bytes.windows(text.len()).any(|window| window == text.as_bytes())
     }

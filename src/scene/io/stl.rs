@@ -46,7 +46,7 @@ impl Reader for Stl {
     }
 }
 
-/// Tells whether a file is as long as its count of triangles says.
+/// Returns whether a file is as long as its count of triangles says.
 fn has_binary_length(bytes: &[u8], length: u64) -> bool {
     let count = bytes
         .get(80..84)

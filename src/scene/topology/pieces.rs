@@ -25,7 +25,7 @@ pub(crate) struct Pieces {
     outlines: HashMap<u32, Vec<DVec3>>,
     /// The edges, or parts of edges, along which open pieces end, in the sense of their faces: the piece, and the vertices at both ends.
     rims: Vec<(u32, [u32; 2])>,
-    /// What closes pieces that stand on others: see [`caps`].
+    /// The caps that close pieces which stand on others: see [`caps`].
     caps: Vec<(u32, Vec<DVec3>)>,
     is_capped: Vec<bool>,
     /// Of closed pieces, whether they have no inside: all of their faces lie in one plane.
@@ -120,7 +120,7 @@ impl Pieces {
         &self.caps
     }
 
-    /// Tells whether a piece is closed and has no inside, like the two sides of a sheet.
+    /// Returns whether a piece is closed and has no inside, like the two sides of a sheet.
     pub(crate) fn is_sheet(&self, piece: u32) -> bool {
         self.is_closed[piece as usize] && self.is_flat[piece as usize]
     }
@@ -175,7 +175,7 @@ fn join_neighbours(scene: &Scene, sets: &mut DisjointSets) -> Vec<(u32, [u32; 2]
     open.into_iter().map(|(face, k)| (face, ends(face, k))).collect()
 }
 
-/// Tells of each piece whether all of it lies in one plane.
+/// Returns for each piece whether all of it lies in one plane.
 fn flat_ones(scene: &Scene, of_face: &[u32], n: usize) -> Vec<bool> {
     let tolerance = joint(scene);
     let mut planes: Vec<Option<(DVec3, DVec3)>> = vec![None; n];
@@ -361,7 +361,7 @@ impl Parted {
 /// After so many sets were set aside one by one, all that do not cancel are.
 const MAX_ROUNDS: usize = 1000;
 
-/// Tells of each set, by its first face, whether it is part of no closed surface.
+/// Returns for each set, by its first face, whether it is part of no closed surface.
 fn open_sets(scene: &Scene, joints: &[Joint], sets: &mut DisjointSets) -> Vec<bool> {
     let mut is_open = vec![false; scene.faces.len()];
     let mut joints_of: BTreeMap<u32, Vec<usize>> = BTreeMap::new();

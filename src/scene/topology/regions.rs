@@ -13,7 +13,7 @@ use crate::scene::{FaceId, Scene};
 /// A part of space: the closed pieces of surface around it with their winding numbers, −1 for one that faces inwards; empty in the open.
 type Region = Vec<(u32, i32)>;
 
-/// What lies in front of a face, and behind it.
+/// The regions in front of a face and behind it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Sides {
     pub(super) front: Region,
@@ -155,7 +155,7 @@ fn turns_around(corners: &[DVec3], point: DVec3) -> i32 {
     turns
 }
 
-/// What is known of the space on one side of a flat part of a face.
+/// The space on one side of a flat part of a face, as far as it is known.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct View {
     /// The region at the middle of the part.
@@ -165,19 +165,19 @@ pub(crate) struct View {
 }
 
 impl View {
-    /// Tells whether the space is for certain inside of a piece that faces inwards, so that no light leaves it for the open.
+    /// Returns whether the space is for certain inside of a piece that faces inwards, so that no light leaves it for the open.
     pub(crate) fn is_enclosed(&self) -> bool {
         self.region
             .iter()
             .any(|(piece, turns)| *turns < 0 && !self.unsure.contains(piece))
     }
 
-    /// Tells whether faces of a piece reach the part from this side.
+    /// Returns whether faces of a piece reach the part from this side.
     pub(crate) fn is_reached_by(&self, piece: u32) -> bool {
         self.unsure.contains(&piece)
     }
 
-    /// Tells whether the winding numbers of all pieces may be the same somewhere on two views: if not, a face of some piece occludes any two points of them from each other.
+    /// Returns whether the winding numbers of all pieces may be the same somewhere on two views: if not, a face of some piece occludes any two points of them from each other.
     pub(crate) fn may_meet(&self, other: &Self) -> bool {
         let (here, there) = (&self.region, &other.region);
         let turns = |region: &Region, piece: u32| {
@@ -197,9 +197,9 @@ impl View {
 /// Where a flat part of a face lies.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Place {
-    /// What is in front of it.
+    /// The region in front of it.
     pub(crate) front: View,
-    /// What is behind it.
+    /// The region behind it.
     pub(crate) back: View,
 }
 
@@ -257,7 +257,7 @@ pub(crate) fn places(scene: &Scene, pieces: &Pieces, parts: &[(FaceId, Vec<DVec3
     places
 }
 
-/// Tells whether a polygon reaches a flat convex part inside of its border from its front, and from its back.
+/// Returns whether a polygon reaches a flat convex part inside of its border from its front, and from its back.
 fn reached(part: &[DVec3], other: &[DVec3], tolerance: f64) -> [bool; 2] {
     let (origin, normal) = (part[0], polygon::area_vector(part).normalize_or_zero());
     let heights = other.iter().map(|&v| normal.dot(v - origin));
@@ -301,7 +301,7 @@ impl Backs {
         }
     }
 
-    /// Tells whether no back can be seen from a view, as faces occlude all of them wherever it is.
+    /// Returns whether no back can be seen from a view, as faces occlude all of them wherever it is.
     pub(crate) fn are_hidden_from(&self, view: &View) -> bool {
         let may_be_sure = if view.unsure.is_empty() {
             self.sure.contains(view)

@@ -203,7 +203,7 @@ impl<'a> Levels<'a> {
             .for_each(|(u, correction)| *u -= correction);
     }
 
-    /// Tells whether light on the patches of `lit` (1 or 0, \[c\]\[n\]) has an answer without negative numbers on the coarsest level: if I − K has a
+    /// Returns whether light on the patches of `lit` (1 or 0, \[c\]\[n\]) has an answer without negative numbers on the coarsest level: if I − K has a
     /// non-negative inverse there, as it has for every system that loses light, it does.
     pub(super) fn is_physical(&self, lit: &[Vec<f64>]) -> bool {
         let Bottom::Direct(channels) = &self.bottom else {

@@ -16,7 +16,7 @@ const DENSE_FROM: f64 = 2.0 / 3.0;
 /// Rows in full begin at a multiple of so many columns, mostly the same one for rows that are multiplied together.
 const LINE: usize = 8;
 
-/// Which numbers of a row are kept.
+/// The stored numbers of a row.
 enum Columns {
     /// All of them from this column on.
     From(usize),
@@ -126,7 +126,7 @@ pub(super) struct Matrix {
     n_terms: usize,
 }
 
-/// What is wanted of R K.
+/// The requested part of R K.
 #[derive(Clone, Copy)]
 pub(super) struct Wanted {
     /// Whether only R U is kept, where U is K above its diagonal.
@@ -137,7 +137,7 @@ pub(super) struct Wanted {
     pub(super) merged: bool,
 }
 
-/// What was made of a matrix K.
+/// The form that a matrix K was brought into.
 pub(super) struct Restricted {
     /// R K, or R U.
     pub(super) rows: Matrix,
@@ -149,11 +149,11 @@ pub(super) struct Restricted {
     pub(super) n_of_source: usize,
 }
 
-/// What a sweep of u = f + K u did to it.
+/// The effect of a sweep of u = f + K u.
 pub(super) struct Swept {
-    /// What was added to each u.
+    /// The correction of each u.
     pub(super) changes: Vec<f64>,
-    /// The patches that a sweep cannot mend, as K_ii ≥ 1, with their residuals at their turn.
+    /// The patches that a sweep cannot correct, as K_ii ≥ 1, with their residuals at their turn.
     pub(super) left: Vec<(usize, f64)>,
 }
 
@@ -227,7 +227,7 @@ impl Matrix {
         &self.rows[self.slot(i, c).row as usize]
     }
 
-    /// Tells whether nothing is off the diagonal.
+    /// Returns whether nothing is off the diagonal.
     pub(super) fn is_diagonal(&self) -> bool {
         let mut slots = self.slots.iter().enumerate();
         slots.all(|(k, slot)| {
@@ -333,7 +333,7 @@ impl Matrix {
     }
 }
 
-/// Makes the rows of a coarse level; `slot(i, c)` tells of ρ in row i, `add(i, c, factor, sum)` adds the row and returns how many entries it has.
+/// Makes the rows of a coarse level; `slot(i, c)` is the place of ρ in row i, `add(i, c, factor, sum)` adds the row and returns how many entries it has.
 fn restrict(
     coarsening: &Coarsening,
     n_channels: usize,

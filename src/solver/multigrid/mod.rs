@@ -368,7 +368,7 @@ fn channels(block: &Block) -> Vec<Vec<f64>> {
 
 /// By what factor residuals after a cycle scatter around what the cycles before let expect; in the room of Lewis forecasts without it are 0.6 to 2.3 times the truth.
 ///
-/// A check that fails costs less than a cycle, and one that succeeds saves a cycle and a check: it pays where it succeeds in two of five times.
+/// A check that fails costs less than a cycle, and one that succeeds saves a cycle and a check: it saves time if it succeeds in two of five cases.
 const SCATTER: f64 = 1.25;
 
 /// The least that the residual after a cycle is likely to be, from what the sweeps of this cycle and the one before met.

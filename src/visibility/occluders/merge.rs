@@ -135,7 +135,7 @@ impl Merger<'_> {
         false
     }
 
-    /// Tells whether the union of two loops turns the wrong way at an end of the run of edges that they share about edge `i` of loop `k`.
+    /// Returns whether the union of two loops turns the wrong way at an end of the run of edges that they share about edge `i` of loop `k`.
     fn is_concave_beside(&self, k: usize, i: usize, other: usize) -> bool {
         let (first, second) = (&self.loops[k].corners, &self.loops[other].corners);
         let (n, m) = (first.len(), second.len());
@@ -231,7 +231,7 @@ impl Merger<'_> {
     }
 }
 
-/// Tells whether a loop turns to its inner side between two edges, or runs straight on.
+/// Returns whether a loop turns to its inner side between two edges, or runs straight on.
 fn turns_in(normal: DVec3, before: DVec3, after: DVec3) -> bool {
     let scale = before.length() * after.length();
     let turn = normal.dot(before.cross(after));

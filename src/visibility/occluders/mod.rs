@@ -1,4 +1,4 @@
-//! Which faces may occlude two patches from each other, decided in f64 and before any ray is traced.
+//! Candidate occluders of two patches, found in f64 before any ray is traced.
 
 mod merge;
 mod solids;
@@ -244,7 +244,7 @@ impl OccluderIndex {
         self.classify_with(p, q, self.slack, all).0
     }
 
-    /// Tells whether two polygons that seem to face each other are two sides of a sheet, which rounded coordinates have parted.
+    /// Returns whether two polygons that seem to face each other are two sides of a sheet, which rounded coordinates have parted.
     pub(crate) fn are_sides_of_a_sheet(&self, p: &[DVec3], q: &[DVec3]) -> bool {
         self.slack > 0.0 && are_sides_of_a_sheet(p, q, self.slack)
     }
@@ -348,7 +348,7 @@ impl OccluderIndex {
         touching::meeting(p, q, self.slack)
     }
 
-    /// Tells whether any of the [`occluders`](Self::occluders) is not where the file has it, because it stands on one of the patches.
+    /// Returns whether any of the [`occluders`](Self::occluders) is not where the file has it, because it stands on one of the patches.
     pub(crate) fn any_stands_on(&self, p: &[DVec3], q: &[DVec3], occluders: &[OccluderId]) -> bool {
         let mut corners = occluders.iter().map(|&id| self.corners(id));
         corners.any(|corners| matches!(touching::standing_on([p, q], corners, self.slack), Cow::Owned(_)))
@@ -502,21 +502,21 @@ impl Levels {
 /// Patches of one plane whose normals differ by less see nothing of each other that counts: the form factor is a quarter of the square at most.
 const ONE_PLANE: f64 = 2e-6;
 
-/// Tells whether two polygons that seem to face each other are two sides of a sheet, or parts of one plane, which coordinates rounded by up to `slack`, m, have parted.
+/// Returns whether two polygons that seem to face each other are two sides of a sheet, or parts of one plane, which coordinates rounded by up to `slack`, m, have parted.
 pub(crate) fn are_sides_of_a_sheet(p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
     let [one, other] = [p, q].map(|corners| Plane::of(corners).normal);
     let is_sheet = one.dot(other) < 0.0 || one.distance(other) < ONE_PLANE;
     is_sheet && Levels::of(p, q, slack) == Levels::Touching
 }
 
-/// Tells whether a polygon is no farther from the plane of another one than rounding explains: by the slack where the other is, and off it by as much more as it is farther away than
+/// Returns whether a polygon is no farther from the plane of another one than rounding explains: by the slack where the other is, and off it by as much more as it is farther away than
 /// the other is wide, because the plane of a narrow polygon leans.
 fn is_level(p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
     let (plane, lean) = (Plane::of(q), Lean::of(q));
     p.iter().all(|&v| plane.height(v).abs() <= lean.height(slack, v))
 }
 
-/// Tells whether a polygon is so small that rounding may have turned it any way.
+/// Returns whether a polygon is so small that rounding may have turned it any way.
 fn is_small(corners: &[DVec3], slack: f64) -> bool {
     corners.iter().all(|v| v.distance(corners[0]) < MIN_SLACKS * slack)
 }

@@ -41,7 +41,7 @@ pub(crate) struct Solid {
 }
 
 impl Solid {
-    /// Tells whether the inside of a polygon lies strictly outside of the solid: whether it is in front of one of the solid's planes, and not in it, or has no side of the solid in its own plane and all of it on one side.
+    /// Returns whether the inside of a polygon lies strictly outside of the solid: whether it is in front of one of the solid's planes, and not in it, or has no side of the solid in its own plane and all of it on one side.
     ///
     /// A polygon in the plane of a side may lie behind that side, which then hides nothing from it: it counts as outside only if another plane tells.
     /// What lies within `slack`, m, and rounding of a plane counts as in it.
@@ -93,13 +93,13 @@ impl Solid {
         self.middle
     }
 
-    /// Tells whether a point lies inside, deeper than `off`, m, and rounding.
+    /// Returns whether a point lies inside, deeper than `off`, m, and rounding.
     pub(super) fn holds(&self, point: DVec3, off: f64) -> bool {
         let off = off + self.rounding;
         self.planes.iter().all(|plane| plane.height(point) < -off)
     }
 
-    /// Tells whether the solid alone stops all light between two polygons. Errs on the side of false.
+    /// Returns whether the solid alone stops all light between two polygons. Errs on the side of false.
     pub(super) fn closes(&self, shaft: &Shaft<'_>, p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
         // From inside of the solid to its inside nothing is in the way.
         shaft.is_closed_by_solid(self.middle, &self.planes, self.rounding)

@@ -1,4 +1,4 @@
-//! What was meant to touch before its coordinates were rounded.
+//! Faces that touch but for the rounding of their coordinates.
 //!
 //! Polygons with an edge in common, which rounding has parted by a millionth of their size, see each other differently within that of the edge, and so do a floor and what shines through the slit under a
 //! wall. An integral to a tolerance resolves such things with millions of evaluations and knows no more of the scene than before: here they touch.

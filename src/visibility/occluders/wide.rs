@@ -78,13 +78,13 @@ impl Outlook<'_> {
         self.rounding.min(MIN_HEIGHT * smaller_reach)
     }
 
-    /// Tells whether a polygon rises over this one's plane, as the first look of a shaft does.
+    /// Returns whether a polygon rises over this one's plane, as the first look of a shaft does.
     fn is_risen_over_by(&self, corners: &[DVec3], smaller_reach: f64) -> bool {
         let level = self.least_height(smaller_reach);
         corners.iter().any(|&v| self.plane.height(v) > level)
     }
 
-    /// Tells whether this polygon and another lie so high over each other's planes that light passes between them for certain, if nothing stands there.
+    /// Returns whether this polygon and another lie so high over each other's planes that light passes between them for certain, if nothing stands there.
     pub(crate) fn faces_clearly(&self, other: &Self) -> bool {
         let is_over = |plane: &Self, polygon: &Self| {
             let most = plane.reach + polygon.reach;
@@ -96,7 +96,7 @@ impl Outlook<'_> {
         is_over(self, other) && is_over(other, self)
     }
 
-    /// Tells whether another polygon is too far off this one's plane to be the other side of a sheet, whatever way either leans.
+    /// Returns whether another polygon is too far off this one's plane to be the other side of a sheet, whatever way either leans.
     fn is_parted_from(&self, other: &Self, slack: f64) -> bool {
         let most = slack * (2.0 + MAX_LEAN);
         other.corners.iter().any(|&v| self.plane.height(v).abs() > most)
@@ -223,7 +223,7 @@ impl OccluderIndex {
         }
     }
 
-    /// Tells whether a box reaches over a polygon's plane.
+    /// Returns whether a box reaches over a polygon's plane.
     fn rises_over(&self, from: &Outlook<'_>, low: DVec3, high: DVec3) -> bool {
         let (middle, reach) = (low.midpoint(high), (high - low) * 0.5);
         from.plane.height(middle) + from.plane.normal.abs().dot(reach) > from.least_height(self.least_reach)
@@ -304,7 +304,7 @@ impl OccluderIndex {
         }
     }
 
-    /// Tells whether one polygon or solid hides all that lies in a box from a polygon. Errs on the side of false.
+    /// Returns whether one polygon or solid hides all that lies in a box from a polygon. Errs on the side of false.
     pub(crate) fn hides_box(&self, closer: Closer, from: &Outlook<'_>, to: (DVec3, DVec3)) -> bool {
         let off = (OFF * from.reach).max(OFF_SLACKS * self.slack).max(from.rounding);
         match closer {
@@ -337,7 +337,7 @@ impl OccluderIndex {
     }
 }
 
-/// Tells whether a plane parts a polygon and a box by more than `off` on either side, and all segments between them cross it where `contains` is true: at corners of a convex set.
+/// Returns whether a plane parts a polygon and a box by more than `off` on either side, and all segments between them cross it where `contains` is true: at corners of a convex set.
 fn section(plane: &Plane, from: &Outlook<'_>, to: (DVec3, DVec3), off: f64, contains: impl Fn(DVec3) -> bool) -> bool {
     let (middle, reach) = (to.0.midpoint(to.1), (to.1 - to.0) * 0.5);
     let (height, extent) = (plane.height(middle), plane.normal.abs().dot(reach));

@@ -111,7 +111,7 @@ impl Method {
 }
 
 impl Expected {
-    /// Tells whether a count and an RMS error are what they should be.
+    /// Returns whether a count and an RMS error are what they should be.
     ///
     /// Passes are the same: a pass lowers the residual by a factor of 1.2 to 4, and the form factors of the two implementations differ by far less. The error may
     /// differ by a factor of 2: it is known to one digit, and changes by as much with one pass. Steps of progressive refinement may differ by 1 %: one

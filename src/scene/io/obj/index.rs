@@ -26,7 +26,7 @@ pub(super) struct ObjIndex {
     pub(super) materials: Vec<NamedLine>,
     /// The names of the `mtllib` statements.
     pub(super) libraries: Vec<NamedLine>,
-    /// What was not read, or not as it is written, with the first line and the number of each kind.
+    /// Statements that were not read, or not as written, with the first line and the number of each kind.
     pub(super) unread: BTreeMap<Unread, (u32, usize)>,
     /// The checked `v` and `f` lines, with indices that count from the first vertex.
     pub(super) geometry: String,
@@ -50,7 +50,7 @@ pub(super) enum Unread {
 }
 
 impl Unread {
-    /// Returns what a statement is that makes neither vertices nor faces; `None` for what says nothing about a diffuse face.
+    /// Returns the kind of a statement that makes neither vertices nor faces; `None` if it does not concern diffuse faces.
     fn of(keyword: &str) -> Option<Self> {
         match keyword {
             "v" | "f" | "fo" | "o" | "g" | "usemtl" | "mtllib" => None,

@@ -196,7 +196,7 @@ fn plain_folder_of(file: &Path) -> &Path {
     }
 }
 
-/// Tells whether a name is that of a library by itself, not a part of one with blanks.
+/// Returns whether a name is that of a library by itself, not a part of one with blanks.
 fn is_library(name: &str) -> bool {
     Path::new(name)
         .extension()

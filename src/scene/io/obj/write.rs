@@ -112,7 +112,7 @@ fn obj_text(scene: &Scene, mtl_name: &str) -> String {
     text
 }
 
-/// Tells whether the faces alone bring the surfaces in their order; if not, the names stand before the first face.
+/// Returns whether the faces alone bring the surfaces in their order; if not, the names stand before the first face.
 fn surfaces_are_in_order(scene: &Scene) -> bool {
     let mut n_seen = 0;
     for face in &scene.faces {

@@ -25,7 +25,7 @@ pub(super) struct Dataset {
     pub(super) ends: Vec<usize>,
     /// The type of each cell.
     pub(super) types: Vec<u8>,
-    /// What there is for each cell.
+    /// The arrays of the cells.
     pub(super) arrays: Vec<Array>,
 }
 

@@ -22,7 +22,7 @@ pub(super) struct Encoding<'a> {
     pub(super) compressor: Option<String>,
     /// Where appended arrays begin, in order.
     pub(super) offsets: Vec<usize>,
-    /// What is appended.
+    /// The appended data.
     appended: &'a [u8],
     is_base64: bool,
 }
@@ -329,7 +329,7 @@ impl<'a> DataArray<'a> {
         }
     }
 
-    /// Tells whether its values may name surfaces: whole numbers, or texts, one for each cell.
+    /// Returns whether its values may name surfaces: whole numbers, or texts, one for each cell.
     pub(super) fn may_name(&self) -> bool {
         self.n_components == 1 && !matches!(self.kind, Scalar::F32 | Scalar::F64)
     }
