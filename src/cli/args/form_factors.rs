@@ -222,6 +222,7 @@ impl MemoryArgs {
                 PrecisionName::F64 => Some(Precision::F64),
             },
             scratch: self.scratch.clone(),
+            ..Memory::default()
         }
     }
 }
