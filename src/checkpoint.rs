@@ -525,7 +525,7 @@ mod tests {
         fn rank(&self) -> usize {
             self.0
         }
-        fn host(&self) -> &str {
+        fn host(&self) -> &'static str {
             "here"
         }
         fn all_gather(&self, own: &[u8]) -> Vec<Vec<u8>> {

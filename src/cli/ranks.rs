@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use super::args::{Command, HeatArgs, RenderArgs, SolveArgs};
+use super::args::{Command, HeatArgs, SolveArgs};
 use super::failure::Failure;
 use crate::ranks::{self, Alone, Ranks};
 use crate::whole_file;
@@ -62,8 +62,7 @@ pub(super) fn expect_shared(command: &Command) -> Result<(), Failure> {
 
 /// Returns what of a command runs on one rank only.
 fn alone(command: &Command) -> Option<&'static str> {
-    let on_path = "a path of the sun (--sun-path)";
-    let on_the_fly = "--on-the-fly";
+    let on_path = "--sun-path with --checkpoint";
     let time_limit = "--time-limit";
     let first = |flags: &[(bool, &'static str)]| flags.iter().find(|(given, _)| *given).map(|(_, what)| *what);
     match command {
@@ -71,26 +70,19 @@ fn alone(command: &Command) -> Option<&'static str> {
         Command::Solve(SolveArgs {
             method,
             sun_path,
-            on_the_fly: unstored,
+            storage,
             ..
-        }) => first(&[
-            (method.time_limit.is_some(), time_limit),
-            (sun_path.is_some(), on_path),
-            (*unstored, on_the_fly),
-        ]),
-        Command::Heat(HeatArgs { method, sun_path, .. }) => {
-            first(&[(method.time_limit.is_some(), time_limit), (sun_path.is_some(), on_path)])
-        }
-        Command::Render(RenderArgs {
+        })
+        | Command::Heat(HeatArgs {
             method,
-            frames,
-            on_the_fly: unstored,
+            sun_path,
+            storage,
             ..
         }) => first(&[
             (method.time_limit.is_some(), time_limit),
-            (frames.is_some(), "a list of frames (--frames)"),
-            (*unstored, on_the_fly),
+            (sun_path.is_some() && storage.checkpoint.is_some(), on_path),
         ]),
+        Command::Render(a) => first(&[(a.method.time_limit.is_some(), time_limit)]),
         Command::Scene(_) => Some("`scene`"),
         Command::Points(_) => Some("`points`"),
         Command::Field(_) => Some("`field`"),

@@ -27,8 +27,10 @@ impl Piece {
 
     /// Returns the piece as bytes.
     pub(super) fn encode(&self) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        let mut number = |n: u64| bytes.extend(n.to_le_bytes());
+        let n_entries: usize = self.tiles.iter().map(RowTile::n_entries).sum();
+        let n_rows: usize = self.tiles.iter().map(RowTile::n_rows).sum();
+        let mut bytes = Vec::with_capacity(24 * n_entries + 64 * n_rows + 256);
+        let mut number = |n: u64| bytes.extend_from_slice(&n.to_le_bytes());
         number(LAYOUT);
         let c = self.counts;
         for n in [

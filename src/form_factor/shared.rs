@@ -9,7 +9,7 @@ use super::kept::Piece;
 use crate::in_order::InOrder;
 use crate::matrix::Entry;
 use crate::progress::Progress;
-use crate::ranks::{InTurn, Ranks};
+use crate::ranks::{Code, InTurn, Ranks};
 
 /// Chunks of pieces for each rank, at least, where there are pieces enough.
 const CHUNKS_PER_RANK: usize = 16;
@@ -48,17 +48,17 @@ pub(super) fn pieces<'a>(
     let window = window(ranks, item_byte.saturating_mul(n_together as u64), waiting_byte);
     let work = std::sync::Arc::new(work);
     let again = std::sync::Arc::clone(&work);
-    let encoded = move |k: usize| {
-        let results: Vec<PieceResult> = chunk(k).into_par_iter().map(&*work).collect();
-        encode(&results)
+    let of_chunk = move |k: usize| -> Vec<PieceResult> { chunk(k).into_par_iter().map(&*work).collect() };
+    let code = Code {
+        encode: |results: &Vec<PieceResult>| encode(results),
+        decode: move |k: usize, bytes: &[u8]| decode(bytes, chunk(k), &*again),
     };
-    let chunks = InTurn::new(ranks, n.div_ceil(n_together), window, encoded);
-    Box::new(chunks.enumerate().flat_map(move |(k, result)| {
-        let own = chunk(k);
-        if !result.is_own {
-            progress.advance(own.clone().map(&steps).sum());
+    let chunks = InTurn::new(ranks, (n.div_ceil(n_together), window), of_chunk, code);
+    Box::new(chunks.enumerate().flat_map(move |(k, (results, is_own))| {
+        if !is_own {
+            progress.advance(chunk(k).map(&steps).sum());
         }
-        decode(&result.content, own, &*again)
+        results
     }))
 }
 
@@ -113,11 +113,11 @@ fn decode(bytes: &[u8], pieces: Range<usize>, again: &dyn Fn(usize) -> PieceResu
         if length == INTERRUPTED {
             return Err(FormFactorError::Interrupted);
         }
-        let content = usize::try_from(length).ok().and_then(|n| rest.split_at_checked(n));
-        let Some((content, after)) = content else {
+        let found = usize::try_from(length).ok().and_then(|n| rest.split_at_checked(n));
+        let Some((content, others)) = found else {
             return again(k);
         };
-        rest = after;
+        rest = others;
         Piece::decode(content).map_or_else(|| again(k), Ok)
     };
     pieces.map(&mut next).collect()

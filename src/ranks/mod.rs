@@ -13,7 +13,7 @@ mod launch;
 #[cfg(feature = "mpi")]
 mod world;
 
-pub(crate) use in_turn::InTurn;
+pub(crate) use in_turn::{Code, InTurn};
 pub use launch::{RanksError, start};
 
 use std::fmt::Debug;

@@ -20,8 +20,12 @@ use mpi::{Count, Rank, Threading};
 use super::counter::Counter;
 use super::{Claim, End, Ranks, Traffic, Verdict};
 
-/// How long the thread sleeps where there is nothing to do.
-const NAP: Duration = Duration::from_micros(100);
+/// How long the thread sleeps where there is nothing to do, after so many times without anything: passes of a solver follow one another closely, chunks of form factors do not.
+const NAPS: [(u32, Duration); 3] = [
+    (20, Duration::from_micros(50)),
+    (200, Duration::from_micros(200)),
+    (u32::MAX, Duration::from_millis(2)),
+];
 
 /// How long a rank that failed waits for the others to end as well.
 const GRACE: Duration = Duration::from_secs(3);
@@ -69,11 +73,14 @@ enum Command {
     Abort(u8),
 }
 
+/// Chunks with their results, by pieces of work.
+type Inbox = BTreeMap<u64, Vec<(u64, Vec<u8>)>>;
+
 /// What threads read that do not call MPI.
 #[derive(Debug, Default)]
 struct Shared {
     /// Results of chunks, by pieces of work.
-    inbox: Mutex<BTreeMap<u64, Vec<(u64, Vec<u8>)>>>,
+    inbox: Mutex<Inbox>,
     came: Condvar,
     traffic: Mutex<Traffic>,
 }
@@ -165,9 +172,9 @@ impl Ranks for World {
     }
 
     fn posted(&self, work: u64, wait: Duration) -> Vec<(u64, Vec<u8>)> {
-        let inbox = locked(&self.shared.inbox);
-        let nothing = |inbox: &mut BTreeMap<u64, Vec<(u64, Vec<u8>)>>| !inbox.contains_key(&work);
-        let waited = self.shared.came.wait_timeout_while(inbox, wait, nothing);
+        let has_nothing = |inbox: &mut Inbox| !inbox.contains_key(&work);
+        let locked = locked(&self.shared.inbox);
+        let waited = self.shared.came.wait_timeout_while(locked, wait, has_nothing);
         let (mut inbox, _) = waited.unwrap_or_else(PoisonError::into_inner);
         inbox.remove(&work).unwrap_or_default()
     }
@@ -245,6 +252,8 @@ struct Thread {
     /// Who waits for how the program ends.
     ending: Option<SyncSender<Verdict>>,
     is_over: bool,
+    /// How often it slept since there was anything to do.
+    n_naps: u32,
 }
 
 impl Thread {
@@ -263,6 +272,7 @@ impl Thread {
             failed: None,
             ending: None,
             is_over: false,
+            n_naps: 0,
         }
     }
 
@@ -285,11 +295,16 @@ impl Thread {
 
     /// Sleeps until there is a command, or for a short while.
     fn nap(&mut self) {
-        match self.commands.recv_timeout(NAP) {
-            Ok(command) => self.hear(command),
+        let nap = NAPS.iter().find(|(most, _)| self.n_naps < *most).unwrap_or(&NAPS[2]).1;
+        self.n_naps = self.n_naps.saturating_add(1);
+        match self.commands.recv_timeout(nap) {
+            Ok(command) => {
+                self.n_naps = 0;
+                self.hear(command);
+            }
             Err(RecvTimeoutError::Timeout) => {}
             // The program ends without a word: the launcher ends the others.
-            Err(RecvTimeoutError::Disconnected) => std::thread::sleep(NAP),
+            Err(RecvTimeoutError::Disconnected) => std::thread::sleep(nap),
         }
     }
 
@@ -306,6 +321,9 @@ impl Thread {
         }
         if self.rank == 0 {
             self.judge();
+        }
+        if busy {
+            self.n_naps = 0;
         }
         busy
     }
@@ -452,11 +470,11 @@ impl Thread {
         self.failed = None;
         self.ends.clear();
         for rank in told.into_iter().rev() {
-            let Verdict { code, speaks, aborts } = verdict(rank);
+            let own = verdict(rank);
             if rank == 0 {
-                self.judged(verdict(0));
+                self.judged(own);
             } else {
-                let numbers = [code.into(), speaks.into(), aborts.into()];
+                let numbers = [own.code.into(), own.speaks.into(), own.aborts.into()];
                 self.send(Rank::try_from(rank).unwrap_or(Rank::MAX), VERDICT, &numbers);
             }
         }

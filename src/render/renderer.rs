@@ -18,9 +18,10 @@ use super::rare::{LightPool, RareLight};
 use super::samples::{FirstLook, PixelSamples};
 use super::settings::RenderSettings;
 use super::shade::{self, Shader, SurfacePoint};
-use super::shared::{self, Code, decode_pixels, decode_state, encode_pixels, encode_state};
+use super::shared::{self, decode_pixels, decode_state, encode_pixels, encode_state};
 use super::view::View;
 use crate::progress::Progress;
+use crate::ranks::Code;
 use crate::scene::SurfaceId;
 use crate::visibility::{Coherence, HitBatch, RayBatch};
 
@@ -207,12 +208,12 @@ impl Renderer<'_> {
                 progress.advance(1);
                 Some(sent.unwrap_or_default())
             };
-            let code = Code {
+            let of_rounds = Code {
                 encode: Vec::clone,
                 decode: |_, bytes: &[u8]| Some(bytes.to_vec()),
             };
-            let sizes = (n_open, n_open);
-            shared::for_each(progress, sizes, round, &code, |number, round: Vec<u8>| {
+            let all = (n_open, n_open);
+            shared::for_each(progress, all, round, &of_rounds, |number, round: Vec<u8>| {
                 let (k, n_before) = open[number];
                 let mut state = locked(&states[k]);
                 if state.n_rounds == n_before {

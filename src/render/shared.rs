@@ -1,7 +1,5 @@
 //! Work on the blocks of an image, taken in order: done here, or shared by ranks.
 
-use std::ops::Range;
-
 use rayon::prelude::*;
 
 use super::error::RenderError;
@@ -11,7 +9,7 @@ use super::pixel::Pixel;
 use super::rare::RareLight;
 use super::renderer::SurfaceSums;
 use crate::progress::Progress;
-use crate::ranks::InTurn;
+use crate::ranks::{Code, InTurn};
 
 /// Chunks of blocks for each rank, at least, where there are blocks enough.
 const CHUNKS_PER_RANK: usize = 16;
@@ -22,12 +20,6 @@ const MAX_BLOCKS: usize = 16;
 /// In place of the length of a result: the rank was to stop.
 const INTERRUPTED: u64 = u64::MAX;
 
-/// How results become bytes for other ranks, and back.
-pub(super) struct Code<E, D> {
-    pub(super) encode: E,
-    pub(super) decode: D,
-}
-
 /// Calls `take(k, result)` for blocks 0, 1, ..., `n` − 1, in parallel as many as `at_once`; `work` returns no result once it is to stop, and advances the progress by a step.
 ///
 /// # Errors
@@ -36,7 +28,7 @@ pub(super) fn for_each<T: Send>(
     progress: &dyn Progress,
     (n, at_once): (usize, usize),
     work: impl Fn(usize) -> Option<T> + Sync,
-    code: &Code<impl Fn(&T) -> Vec<u8> + Sync, impl Fn(usize, &[u8]) -> Option<T>>,
+    code: &Code<impl Fn(&T) -> Vec<u8>, impl Fn(usize, &[u8]) -> Option<T>>,
     mut take: impl FnMut(usize, T),
 ) -> Result<(), RenderError> {
     let ranks = progress.ranks();
@@ -53,13 +45,20 @@ pub(super) fn for_each<T: Send>(
     let n_together = (n / (CHUNKS_PER_RANK * ranks.size())).clamp(1, MAX_BLOCKS);
     let chunk = |c: usize| c * n_together..n.min((c + 1) * n_together);
     let window = (at_once / n_together).max(2 * ranks.size());
-    let encoded = |c: usize| encode(chunk(c), &work, &code.encode);
-    for (c, result) in InTurn::new(ranks, n.div_ceil(n_together), window, encoded).enumerate() {
-        let mut rest = result.content.as_slice();
-        for k in chunk(c) {
-            let own = next_part(&mut rest).and_then(|own| (code.decode)(k, own));
-            take(k, own.ok_or(RenderError::Interrupted)?);
-            if !result.is_own {
+    let of_chunk = |c: usize| -> Vec<Option<T>> { chunk(c).into_par_iter().map(&work).collect() };
+    let of_chunks = Code {
+        encode: |results: &Vec<Option<T>>| encode(results, &code.encode),
+        decode: |c: usize, bytes: &[u8]| {
+            let mut rest = bytes;
+            let part = |k| next_part(&mut rest).and_then(|own| (code.decode)(k, own));
+            chunk(c).map(part).collect::<Vec<_>>()
+        },
+    };
+    let sizes = (n.div_ceil(n_together), window);
+    for (c, (results, is_own)) in InTurn::new(ranks, sizes, of_chunk, of_chunks).enumerate() {
+        for (k, result) in chunk(c).zip(results) {
+            take(k, result.ok_or(RenderError::Interrupted)?);
+            if !is_own {
                 progress.advance(1);
             }
         }
@@ -67,17 +66,10 @@ pub(super) fn for_each<T: Send>(
     Ok(())
 }
 
-fn encode<T: Send>(
-    chunk: Range<usize>,
-    work: &(impl Fn(usize) -> Option<T> + Sync),
-    encode: &(impl Fn(&T) -> Vec<u8> + Sync),
-) -> Vec<u8> {
-    let parts: Vec<Option<Vec<u8>>> = chunk
-        .into_par_iter()
-        .map(|k| work(k).map(|result| encode(&result)))
-        .collect();
+fn encode<T>(results: &[Option<T>], encode: impl Fn(&T) -> Vec<u8>) -> Vec<u8> {
     let mut bytes = Vec::new();
-    for part in parts {
+    for result in results {
+        let part = result.as_ref().map(&encode);
         let length = part.as_ref().map_or(INTERRUPTED, |own| own.len() as u64);
         bytes.extend(length.to_le_bytes());
         bytes.extend(part.unwrap_or_default());
@@ -158,7 +150,7 @@ mod tests {
 
     #[test]
     fn parts_come_back_in_order_and_none_where_work_stopped() {
-        let bytes = encode(0..4, &|k| (k != 2).then_some(k), &|&k| vec![1; k]);
+        let bytes = encode(&[Some(0), Some(1), None, Some(3)], |&k| vec![1; k]);
         let mut rest = bytes.as_slice();
         let parts: Vec<Option<usize>> = (0..4).map(|_| next_part(&mut rest).map(<[u8]>::len)).collect();
         assert_eq!(parts, [Some(0), Some(1), None, Some(3)]);
@@ -172,7 +164,7 @@ mod tests {
         pixel.direct.variance = [f64::MIN_POSITIVE, -0.0, 5e300];
         let (back, sums) = decode_pixels(0, &encode_pixels(&(vec![pixel; 3], SurfaceSums::new()))).expect("pixels");
         assert!(sums.is_empty() && back.len() == 3);
-        let bits = |pixel: &Pixel| [pixel.shade.irradiance, pixel.direct.variance].map(|own| own.map(f64::to_bits));
+        let bits = |own: &Pixel| [own.shade.irradiance, own.direct.variance].map(|numbers| numbers.map(f64::to_bits));
         assert_eq!(bits(&back[2]), bits(&pixel));
     }
 }

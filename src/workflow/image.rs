@@ -158,7 +158,7 @@ pub fn render_shown(
     cx: &mut Context,
 ) -> Result<Image, WorkflowError> {
     let shown = address.filter(|_| cx.ranks.is_first());
-    let viewer = shown.and_then(|address| connect(address, request, cx));
+    let viewer = shown.and_then(|at| connect(at, request, cx));
     let watcher: &dyn Watcher = viewer.as_ref().map_or(&Unwatched, |tev| tev);
     let image = render_to_files(input, request, watcher, cx)?;
     if viewer.is_some_and(|tev| !tev.is_connected()) {

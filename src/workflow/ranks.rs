@@ -1,6 +1,10 @@
 //! What ranks agree on before they share work: each of them has to take the same steps.
 
+use sha2::{Digest as _, Sha256};
+
 use super::{Context, WorkflowError};
+use crate::matrix::FormFactors;
+use crate::matrix::operator::{Block, LinearOperator as _};
 
 /// What all ranks have room for.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +39,39 @@ impl Context {
         }
     }
 
+    /// Refuses ranks that have other numbers than rank 0. Collective.
+    ///
+    /// # Errors
+    /// As [`expect_same`](Self::expect_same).
+    pub(super) fn expect_same_numbers(&self, what: &'static str, blocks: &[&Block]) -> Result<(), WorkflowError> {
+        if self.ranks.size() == 1 {
+            return Ok(());
+        }
+        let mut hasher = Sha256::new();
+        for block in blocks {
+            hasher.update(format!("{} {}\n", block.n_rows(), block.n_channels()));
+            for number in block.values() {
+                hasher.update(number.to_bits().to_le_bytes());
+            }
+        }
+        self.expect_same(what, &hasher.finalize())
+    }
+
+    /// Refuses ranks that have other form factors than rank 0, by a product with numbers that are all different. Collective.
+    ///
+    /// # Errors
+    /// As [`expect_same`](Self::expect_same).
+    pub(super) fn expect_same_factors(&self, factors: &FormFactors) -> Result<(), WorkflowError> {
+        if self.ranks.size() == 1 {
+            return Ok(());
+        }
+        let n = factors.n_rows();
+        let x = Block::from_values((0..n).map(|i| 1.0 + (i as f64).sin()).collect(), 1);
+        let mut product = Block::zeros(n, 1);
+        factors.apply(&x, &mut product);
+        self.expect_same_numbers("file of form factors", &[&product])
+    }
+
     /// Returns the room of the rank that has the least, so that all of them store form factors alike. Collective.
     pub(super) fn room(&self, used_byte: u64) -> Room {
         let own = Room {
@@ -46,16 +83,17 @@ impl Context {
             return own;
         }
         let numbers = [own.limit_byte, own.used_byte, own.n_threads as u64];
-        let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
-        let of_rank = |bytes: &Vec<u8>| {
-            let numbers: Vec<u64> = bytes.as_chunks().0.iter().map(|own| u64::from_le_bytes(*own)).collect();
-            (numbers[0], numbers[1], numbers[2])
-        };
-        let all = self.ranks.all_gather(&bytes);
-        all.iter().map(of_rank).fold(own, |room, (limit, used, threads)| Room {
-            limit_byte: room.limit_byte.min(limit),
-            used_byte: room.used_byte.max(used),
-            n_threads: room.n_threads.max(usize::try_from(threads).unwrap_or(usize::MAX)),
+        let all = self.ranks.all_gather(numbers.map(u64::to_le_bytes).as_flattened());
+        let of_ranks = all.iter().map(|bytes| bytes.as_chunks().0);
+        of_ranks.fold(own, |room, of_rank| match *of_rank {
+            [limit, used, threads] => Room {
+                limit_byte: room.limit_byte.min(u64::from_le_bytes(limit)),
+                used_byte: room.used_byte.max(u64::from_le_bytes(used)),
+                n_threads: room
+                    .n_threads
+                    .max(usize::try_from(u64::from_le_bytes(threads)).unwrap_or(usize::MAX)),
+            },
+            _ => unreachable!("each rank gives three numbers"),
         })
     }
 }

@@ -365,6 +365,7 @@ pub(super) fn solve_system(
     } else {
         RadiositySystem::new
     };
+    cx.expect_same_numbers("lighting, sun or boundary", &[&reflectance, &exitance])?;
     let ranks = Arc::clone(&cx.ranks);
     let shared = SharedPasses::new(factors, &*ranks);
     let factors = if ranks.size() == 1 { factors } else { &shared };

@@ -178,12 +178,12 @@ pub fn choose_storage(cx: &Context, model: &mut Model, matrix: MatrixDemand) -> 
     let choice = format!("{kind}, {}", choice_text(chosen.choice()));
     model.plan.decide("form factors", choice, reason);
     if cx.ranks.size() > 1 {
-        let reason = format!(
+        let why = format!(
             "they share the work of form factors, passes and pictures; each of them holds all of the scene and the matrix: {}, of which {} are form factors",
             byte_text(memory.total_byte()),
             byte_text(memory.matrix_byte)
         );
-        model.plan.revise("ranks", cx.ranks.size().to_string(), reason);
+        model.plan.revise("ranks", cx.ranks.size().to_string(), why);
     }
     Ok(chosen)
 }

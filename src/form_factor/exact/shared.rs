@@ -4,7 +4,7 @@ use super::batch::batch_byte;
 use super::batches::Batches;
 use crate::form_factor::kept::Piece;
 use crate::form_factor::shared::window;
-use crate::ranks::InTurn;
+use crate::ranks::{Code, InTurn};
 
 impl<'a> Batches<'a> {
     /// Yields the pieces of all batches, each computed by one of several ranks; `None` once a rank was to stop.
@@ -17,20 +17,22 @@ impl<'a> Batches<'a> {
         let rows = move |k: usize| starts[k]..starts[k + 1];
         let of_batch = rows.clone();
         let work = move |k: usize| {
-            let rows = of_batch(k);
-            (self.next_row, self.end) = (rows.start, Some(rows.end));
+            let own = of_batch(k);
+            (self.next_row, self.end) = (own.start, Some(own.end));
             // Of work that was stopped nothing is sent.
-            self.next()
-                .filter(|_| !self.progress.is_cancelled())
-                .map_or_else(Vec::new, |piece| piece.encode())
+            self.next().filter(|_| !self.progress.is_cancelled())
+        };
+        let code = Code {
+            encode: |piece: &Option<Piece>| piece.as_ref().map_or_else(Vec::new, Piece::encode),
+            decode: |_: usize, bytes: &[u8]| Piece::decode(bytes),
         };
         let window = window(progress.ranks(), batch_byte(n), waiting_byte);
-        let results = InTurn::new(progress.ranks(), ends.len(), window, work);
-        results.enumerate().map(move |(k, result)| {
-            if !result.is_own {
+        let results = InTurn::new(progress.ranks(), (ends.len(), window), work, code);
+        results.enumerate().map(move |(k, (piece, is_own))| {
+            if !is_own {
                 progress.advance(rows(k).map(|i| (n - 1 - i) as u64).sum());
             }
-            Piece::decode(&result.content)
+            piece
         })
     }
 
