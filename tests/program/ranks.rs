@@ -74,6 +74,22 @@ fn form_factors_are_the_same_bytes_on_any_number_of_ranks() {
             );
         }
     }
+    // Batches of `exact` that end within a row of a grid.
+    let directory = with_scene("room-box");
+    let at = directory.path();
+    let cut = [
+        "form-factors",
+        "scene.obj",
+        "--subdivide",
+        "20",
+        "--tolerance",
+        "1e-2",
+        "-o",
+        "F.npz",
+        "--json",
+    ];
+    let expected = results(at, &radiosity(at, &cut), &["F.npz"]);
+    assert!(results(at, &on_ranks(2, at, &cut), &["F.npz"]) == expected);
     // Many rows of tiles, in f32, and rows that are balanced.
     let directory = with_scene("room-box");
     let at = directory.path();
