@@ -2,6 +2,8 @@
 # Installs what radiosity is built with: Embree >= 4 with its headers, libclang (for bindgen) and a
 # C compiler. Says nothing and changes nothing when all three are there.
 #
+# With --mpi also MPICH, for the Cargo feature `mpi`, unless an MPI library is there already.
+#
 # Embree comes from the distribution where it has version 4 (Debian 13, Ubuntu 24.04 and later).
 # Debian 12 has only version 3: there, Debian 13's build of the library (Apache-2.0) is fetched,
 # patched to run on Debian 12's C and C++ libraries, and put under /usr/local:
@@ -14,6 +16,14 @@ export LC_ALL=C
 
 say() { echo "setup: $*"; }
 die() { echo "setup: $*" >&2; exit 1; }
+
+with_mpi=no
+for flag; do
+  case $flag in
+    --mpi) with_mpi=yes ;;
+    *) die "there is no flag $flag; there is --mpi." ;;
+  esac
+done
 
 tmp=$(mktemp -d)
 trap 'rm -rf "$tmp"' EXIT
@@ -93,7 +103,15 @@ int main(void) {
 C
 }
 
-if cc_works && libclang_there && embree_version >/dev/null; then exit 0; fi
+# An MPI library with its headers, and what starts ranks.
+mpi_there() {
+  command -v mpirun >/dev/null && command -v mpicc >/dev/null &&
+    printf '#include <mpi.h>\nint main(void) { return MPI_VERSION < 3; }\n' | mpicc -x c - -o "$tmp/mpi" 2>/dev/null
+}
+
+mpi_wanted() { [ $with_mpi = yes ] && ! mpi_there; }
+
+if cc_works && libclang_there && embree_version >/dev/null && ! mpi_wanted; then exit 0; fi
 
 # ---- what to install --------------------------------------------------------------------------
 
@@ -117,6 +135,7 @@ packages=()
 from_debian_13=no
 if ! cc_works || ! command -v g++ >/dev/null; then packages+=(g++); fi # it brings cc
 libclang_there || packages+=(libclang-dev)
+if mpi_wanted; then packages+=(mpich libmpich-dev); fi
 if ! embree_version >/dev/null; then
   offered=$(apt-cache policy libembree-dev | sed -n 's/^ *Candidate: \([0-9]\)/\1/p')
   if dpkg --compare-versions "${offered:-0}" ge 4; then
@@ -312,4 +331,5 @@ fi
 cc_works || die "the C compiler (cc) does not work."
 libclang_there || die "libclang is still not where bindgen looks for it."
 version=$(embree_version) || { cat "$tmp/trace.err" >&2; die "Embree still does not work."; }
+if mpi_wanted; then die "MPI (mpirun, mpicc) still does not work."; fi
 say "all is there (Embree $version)"

@@ -6,14 +6,18 @@
 //!
 //! Work of several stages keeps each of them in a part of its own, with a key of its own: the upper 24 bits of a piece's number are those of its part, and the last
 //! piece of a part is its key. A part that begins anew with another key has none of the pieces before.
+//!
+//! Each of several ranks writes a file of its own, `FILE.0`, `FILE.1` and so on, and reads those of all ranks of earlier runs, however many there were: they are to be on a disk that all ranks share.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use thiserror::Error;
+
+use crate::ranks::Ranks;
 
 const LAYOUT: &[u8; 24] = b"radiosity checkpoint 02\n";
 
@@ -95,6 +99,8 @@ type Pieces = BTreeMap<u64, (u64, u64)>;
 #[derive(Debug)]
 struct State {
     file: File,
+    /// The files of other ranks.
+    others: Vec<Other>,
     /// Where the next record goes.
     end: u64,
     pieces: Pieces,
@@ -104,7 +110,82 @@ struct State {
     failed: Option<io::Error>,
 }
 
+/// A file that another rank writes or wrote, as it was when it was opened.
+#[derive(Debug)]
+struct Other {
+    path: PathBuf,
+    file: File,
+    pieces: Pieces,
+    /// True if no rank of this run writes it.
+    is_left: bool,
+}
+
+impl Other {
+    /// Opens a file if it is a checkpoint of the work that `key` stands for.
+    fn open(path: PathBuf, key: &[u8; 32], is_left: bool) -> Option<Self> {
+        let mut file = File::open(&path).ok()?;
+        let mut head = Vec::new();
+        (&mut file).take(HEAD).read_to_end(&mut head).ok()?;
+        if head != [&LAYOUT[..], key].concat() {
+            return None;
+        }
+        let (pieces, _) = whole_records(&mut file).ok()?;
+        Some(Self {
+            path,
+            file,
+            pieces,
+            is_left,
+        })
+    }
+}
+
+/// Returns the file of a rank of several.
+fn file_of_rank(path: &Path, rank: usize) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(format!(".{rank}"));
+    name.into()
+}
+
+/// Returns the ranks that have a file beside `path`, in ascending order.
+fn ranks_beside(path: &Path) -> Vec<usize> {
+    let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
+        return Vec::new();
+    };
+    let entries = std::fs::read_dir(crate::whole_file::directory_of(path))
+        .into_iter()
+        .flatten();
+    let rank = |found: String| found.strip_prefix(name)?.strip_prefix('.')?.parse().ok();
+    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let mut ranks: Vec<usize> = names.filter_map(rank).collect();
+    ranks.sort_unstable();
+    ranks
+}
+
 impl Checkpoint {
+    /// Opens the checkpoint of one of several ranks, `path` with the rank's number, and reads the pieces that all ranks of earlier runs kept. A single rank opens `path` itself.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_of_rank(path: &Path, key: &[u8; 32], ranks: &dyn Ranks) -> Result<Self, CheckpointError> {
+        let (n, rank) = (ranks.size(), ranks.rank());
+        let own = if n == 1 {
+            path.to_owned()
+        } else {
+            file_of_rank(path, rank)
+        };
+        let checkpoint = Self::open(&own, key)?;
+        let written = |other: usize| n > 1 && other < n;
+        let of_ranks = ranks_beside(path)
+            .into_iter()
+            .map(|other| (file_of_rank(path, other), !written(other)));
+        let of_one = std::iter::once((path.to_owned(), true));
+        let others = of_one.chain(of_ranks).filter(|(other, _)| *other != own);
+        checkpoint.state().others = others
+            .filter_map(|(other, is_left)| Other::open(other, key, is_left))
+            .collect();
+        Ok(checkpoint)
+    }
+
     /// Opens the checkpoint of the work that `key` (a hash of all that its results depend on) stands for, or begins one.
     ///
     /// # Errors
@@ -143,6 +224,7 @@ impl Checkpoint {
             path: path.to_owned(),
             state: Mutex::new(State {
                 file,
+                others: Vec::new(),
                 end,
                 pieces,
                 part: 0,
@@ -155,7 +237,9 @@ impl Checkpoint {
     #[must_use]
     pub fn n_pieces(&self) -> usize {
         let state = self.state();
-        state.pieces.keys().filter(|&k| k & PART_KEY != PART_KEY).count()
+        let others = state.others.iter().flat_map(|other| other.pieces.keys());
+        let all = state.pieces.keys().chain(others).filter(|&k| k & PART_KEY != PART_KEY);
+        all.collect::<BTreeSet<_>>().len()
     }
 
     /// Goes over to another part: pieces are its own from now on. What was kept of it for another `key` is forgotten.
@@ -165,8 +249,18 @@ impl Checkpoint {
     #[track_caller]
     pub fn begin_part(&self, part: u32, key: &[u8; 32]) {
         assert!(part < 1 << (64 - PIECE_BITS), "a number of 24 bits");
-        self.state().part = part;
-        if self.piece(PART_KEY).as_deref() != Some(key) {
+        let mut state = self.state();
+        state.part = part;
+        let k = in_part(part, PART_KEY);
+        for Other { file, pieces, .. } in &mut state.others {
+            if content(file, pieces, k).as_deref() != Some(key) {
+                pieces.retain(|other, _| other >> PIECE_BITS != u64::from(part));
+            }
+        }
+        let State { file, pieces, .. } = &mut *state;
+        let is_known = content(file, pieces, k).as_deref() == Some(key);
+        drop(state);
+        if !is_known {
             self.keep(PART_KEY, key);
         }
     }
@@ -185,18 +279,34 @@ impl Checkpoint {
 
     /// Returns the content of a piece, or `None` if it has not been kept or cannot be read as it was written.
     pub(crate) fn piece(&self, k: u64) -> Option<Vec<u8>> {
-        let mut state = self.state();
+        self.contents(k).next()
+    }
+
+    /// Returns the contents of a piece in the files of all ranks that have one, this rank's first.
+    pub(crate) fn contents(&self, k: u64) -> impl Iterator<Item = Vec<u8>> {
+        let k = in_part(self.part(), k);
+        (0..)
+            .map_while(move |number| {
+                let mut state = self.state();
+                let State {
+                    file, pieces, others, ..
+                } = &mut *state;
+                match number {
+                    0 => Some(content(file, pieces, k)),
+                    _ => others
+                        .get_mut(number - 1)
+                        .map(|other| content(&mut other.file, &other.pieces, k)),
+                }
+            })
+            .flatten()
+    }
+
+    /// Tells whether a piece is kept.
+    pub(crate) fn has(&self, k: u64) -> bool {
+        let state = self.state();
         let k = in_part(state.part, k);
-        let (start, length) = *state.pieces.get(&k)?;
-        // The length has been checked against the file's.
-        let mut content = vec![0; usize::try_from(length).ok()?];
-        let mut sum = [0; 4];
-        let file = &mut state.file;
-        file.seek(SeekFrom::Start(start)).ok()?;
-        file.read_exact(&mut content).ok()?;
-        file.read_exact(&mut sum).ok()?;
-        drop(state);
-        (checksum(k, &content) == u32::from_le_bytes(sum)).then_some(content)
+        let mut others = state.others.iter();
+        state.pieces.contains_key(&k) || others.any(|other| other.pieces.contains_key(&k))
     }
 
     /// Keeps a finished piece. A failure, such as a full disk, does not stop the work: see [`failure`](Self::failure).
@@ -236,20 +346,39 @@ impl Checkpoint {
         self.state().failed.as_ref().map(ToString::to_string)
     }
 
-    /// Removes the file: the work is done.
+    /// Removes the file: the work is done. The first rank also removes those that ranks of earlier runs left.
     ///
     /// # Errors
     /// Errors of the file system.
-    pub fn remove(self) -> Result<(), CheckpointError> {
-        std::fs::remove_file(&self.path).map_err(|source| CheckpointError::Io {
-            path: self.path.clone(),
-            source,
-        })
+    pub fn remove(self, is_first: bool) -> Result<(), CheckpointError> {
+        let state = self.state();
+        let left = state.others.iter().filter(|other| is_first && other.is_left);
+        let all: Vec<PathBuf> = std::iter::once(&self.path)
+            .chain(left.map(|other| &other.path))
+            .cloned()
+            .collect();
+        drop(state);
+        for path in all {
+            std::fs::remove_file(&path).map_err(|source| CheckpointError::Io { path, source })?;
+        }
+        Ok(())
     }
 
     fn state(&self) -> std::sync::MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Returns the content of a piece, or `None` if the file has none, or none that can be read as it was written.
+fn content(file: &mut File, pieces: &Pieces, k: u64) -> Option<Vec<u8>> {
+    let (start, length) = *pieces.get(&k)?;
+    // The length has been checked against the file's.
+    let mut content = vec![0; usize::try_from(length).ok()?];
+    let mut sum = [0; 4];
+    file.seek(SeekFrom::Start(start)).ok()?;
+    file.read_exact(&mut content).ok()?;
+    file.read_exact(&mut sum).ok()?;
+    (checksum(k, &content) == u32::from_le_bytes(sum)).then_some(content)
 }
 
 /// Returns the number of piece k of a part.
@@ -385,6 +514,87 @@ mod tests {
         assert_eq!(again.piece(7).unwrap(), b"third");
     }
 
+    /// A rank among so many, which no other one waits for.
+    #[derive(Debug)]
+    struct Rank(usize, usize);
+
+    impl Ranks for Rank {
+        fn size(&self) -> usize {
+            self.1
+        }
+        fn rank(&self) -> usize {
+            self.0
+        }
+        fn host(&self) -> &'static str {
+            "here"
+        }
+        fn all_gather(&self, own: &[u8]) -> Vec<Vec<u8>> {
+            vec![own.to_vec(); self.1]
+        }
+        fn all_gather_numbers(&self, own: &[f64]) -> Vec<f64> {
+            own.to_vec()
+        }
+        fn begin(&self) -> u64 {
+            0
+        }
+        fn claim(&self, _work: u64, _n: u64, _window: u64) -> crate::ranks::Claim {
+            crate::ranks::Claim::Over
+        }
+        fn needs(&self, _work: u64, _chunk: u64) {}
+        fn post(&self, _work: u64, _chunk: u64, _result: Vec<u8>) {}
+        fn posted(&self, _work: u64, _wait: std::time::Duration) -> Vec<(u64, Vec<u8>)> {
+            Vec::new()
+        }
+        fn traffic(&self) -> crate::ranks::Traffic {
+            crate::ranks::Traffic::default()
+        }
+        fn end(&self, end: crate::ranks::End) -> crate::ranks::Verdict {
+            crate::ranks::Alone.end(end)
+        }
+        fn abort(&self, code: u8) -> ! {
+            crate::ranks::Alone.abort(code)
+        }
+    }
+
+    #[test]
+    fn ranks_find_what_others_kept_and_the_first_one_tidies_up() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("c");
+        let open = |rank, n| Checkpoint::open_of_rank(&path, &KEY, &Rank(rank, n)).unwrap();
+        for rank in 0..3 {
+            let checkpoint = open(rank, 3);
+            checkpoint.keep(10 + rank as u64, &[u8::try_from(rank).unwrap()]);
+            checkpoint.begin_part(1, &[9; 32]);
+            checkpoint.keep(rank as u64, b"part 1");
+        }
+        // No checkpoint, and one of other work, are nobody's.
+        std::fs::write(directory.path().join("c.txt"), "v 0 0 0\n").unwrap();
+        drop(Checkpoint::open(&directory.path().join("c.7"), &[8; 32]).unwrap());
+        for (rank, n) in [(1, 2), (0, 1), (4, 5)] {
+            let checkpoint = open(rank, n);
+            assert_eq!(checkpoint.n_pieces(), 6);
+            for k in 0..3 {
+                assert_eq!(checkpoint.piece(10 + k), Some(vec![u8::try_from(k).unwrap()]));
+                assert!(checkpoint.has(10 + k) && !checkpoint.has(k));
+            }
+            assert_eq!(checkpoint.contents(13).count(), 0);
+            checkpoint.begin_part(1, &[9; 32]);
+            assert_eq!(checkpoint.piece(2), Some(b"part 1".to_vec()));
+            // A part with another key forgets what other ranks kept of it, too.
+            checkpoint.begin_part(1, &[7; 32]);
+            assert_eq!(checkpoint.piece(2), None);
+        }
+        let (first, second) = (open(0, 2), open(1, 2));
+        first.keep(10, b"again");
+        assert_eq!(first.contents(10).collect::<Vec<_>>(), [b"again".to_vec()]);
+        second.remove(false).unwrap();
+        first.remove(true).unwrap();
+        let entries = std::fs::read_dir(directory.path()).unwrap();
+        let mut left: Vec<_> = entries.map(|e| e.unwrap().file_name()).collect();
+        left.sort();
+        assert_eq!(left, ["c.7", "c.txt"]);
+    }
+
     #[test]
     fn a_flipped_bit_costs_a_piece_and_is_never_believed() {
         let directory = tempfile::tempdir().unwrap();
@@ -431,7 +641,7 @@ mod tests {
             Checkpoint::open(&own, &[8; 32]),
             Err(CheckpointError::OtherWork { .. })
         ));
-        Checkpoint::open(&own, &KEY).unwrap().remove().unwrap();
+        Checkpoint::open(&own, &KEY).unwrap().remove(true).unwrap();
         assert!(!own.exists());
     }
 }

@@ -32,6 +32,7 @@
 //! | [`experiment`] | methods side by side; the papers' tables beside ours; solvers on stiff and extreme systems |
 //! | [`plan`], [`report`], [`progress`] | what is needed, what was done, how far it is |
 //! | [`checkpoint`] | finished pieces of long work, for a later run to go on from |
+//! | [`ranks`] | several processes that share the work, by MPI |
 //! | [`geometry`] | polygons, closed forms, quadrature, sampling |
 //! | [`document`] | what the program prints as JSON, one typed structure for each command |
 //! | [`cli`] | the command-line program |
@@ -116,6 +117,7 @@ mod parameter;
 pub mod plan;
 mod printable;
 pub mod progress;
+pub mod ranks;
 pub mod references;
 pub mod render;
 pub mod report;

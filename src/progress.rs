@@ -1,10 +1,11 @@
-//! How long work tells its caller how far it is, hears from it that it is to stop, and keeps what is done: the library itself never prints.
+//! How long work tells its caller how far it is, hears from it that it is to stop, keeps what is done, and shares work with other ranks: the library itself never prints.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use crate::checkpoint::Checkpoint;
+use crate::ranks::{Alone, Ranks};
 
 /// Receives the progress of one stage after another; called from many threads.
 pub trait Progress: Sync {
@@ -39,6 +40,11 @@ pub trait Progress: Sync {
     /// Returns where finished pieces of form factors and of gathered light are kept, so that a later run need not compute them again.
     fn checkpoint(&self) -> Option<&Checkpoint> {
         None
+    }
+
+    /// Returns the ranks that share work.
+    fn ranks(&self) -> &dyn Ranks {
+        &Alone
     }
 }
 

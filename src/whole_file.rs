@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tempfile::TempPath;
@@ -17,6 +18,19 @@ use tempfile::TempPath;
 /// Those of `content` and of the file system; `path` names something that is not a regular file, such as a directory or a device.
 pub(crate) fn write(path: &Path, content: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>) -> io::Result<()> {
     prepare(path, content)?.put()
+}
+
+/// True if another rank writes all files.
+static LEFT: AtomicBool = AtomicBool::new(false);
+
+/// Writes no file from now on: the first rank writes those of all.
+#[cfg(feature = "cli")]
+pub(crate) fn leave_to_first_rank() {
+    LEFT.store(true, Ordering::Relaxed);
+}
+
+fn is_left() -> bool {
+    LEFT.load(Ordering::Relaxed)
 }
 
 /// The temporary files that this process is writing.
@@ -53,15 +67,18 @@ impl Drop for Listed {
 
 /// A file that is all on the disk, under a temporary name in its directory; it vanishes unless it is [`put`](Self::put).
 pub(crate) struct Prepared {
-    temporary: TempPath,
+    /// None where the first rank writes it.
+    written: Option<(TempPath, Listed)>,
     target: PathBuf,
-    _listed: Listed,
 }
 
 impl Prepared {
     /// Gives the file its name.
     pub(crate) fn put(self) -> io::Result<()> {
-        self.temporary.persist(&self.target)?;
+        let Some((temporary, _listed)) = self.written else {
+            return Ok(());
+        };
+        temporary.persist(&self.target)?;
         #[cfg(unix)]
         File::open(directory_of(&self.target))?.sync_all()?;
         Ok(())
@@ -86,6 +103,10 @@ pub(crate) fn prepare(
     content: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
 ) -> io::Result<Prepared> {
     let target = expect_possible(path)?;
+    if is_left() {
+        let written = None;
+        return Ok(Prepared { written, target });
+    }
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     {
@@ -103,9 +124,8 @@ pub(crate) fn prepare(
     // Without this a crash soon after the rename can leave an empty file under the new name.
     temporary.as_file().sync_all()?;
     Ok(Prepared {
-        temporary: temporary.into_temp_path(),
+        written: Some((temporary.into_temp_path(), listed)),
         target,
-        _listed: listed,
     })
 }
 
@@ -114,6 +134,9 @@ pub(crate) fn prepare(
 /// # Errors
 /// The directory does not exist, or `path` names something that is not a regular file.
 pub(crate) fn expect_possible(path: &Path) -> io::Result<PathBuf> {
+    if is_left() {
+        return Ok(path.to_owned());
+    }
     let target = match path.canonicalize() {
         Ok(target) => target,
         // New, or a link to nothing, which the new file replaces.

@@ -234,6 +234,7 @@ impl<'py> Options<'py> {
             storage: self.choice("storage", &storages)?.unwrap_or_default(),
             precision: self.choice("precision", &[("f64", Precision::F64), ("f32", Precision::F32)])?,
             scratch: self.take("scratch")?,
+            ..Memory::default()
         })
     }
 

@@ -20,6 +20,22 @@ pub enum ExitCode {
     Terminated = 143,
 }
 
+impl ExitCode {
+    /// Returns the exit code of this number, as other ranks pass it on.
+    pub(super) fn of(code: u8) -> Self {
+        let all = [
+            Self::Done,
+            Self::Error,
+            Self::Usage,
+            Self::NotConverged,
+            Self::CheckFailed,
+            Self::Interrupted,
+            Self::Terminated,
+        ];
+        all.into_iter().find(|own| *own as u8 == code).unwrap_or(Self::Error)
+    }
+}
+
 impl From<ExitCode> for std::process::ExitCode {
     fn from(code: ExitCode) -> Self {
         Self::from(code as u8)

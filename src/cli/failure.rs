@@ -233,6 +233,7 @@ impl From<WorkflowError> for Failure {
                 Self::new("memory_limit", text)
             }
             WorkflowError::Checkpoint(error) => error.into(),
+            WorkflowError::RanksDiffer { .. } => Self::new("ranks", text),
             WorkflowError::Unsuited(_) => Self::usage(text),
             WorkflowError::InFrame { error, .. } | WorkflowError::AtTime { error, .. } => {
                 let failure = Self::from(*error);

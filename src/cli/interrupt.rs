@@ -6,6 +6,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::exit_code::ExitCode;
 use super::failure::Failure;
+use super::ranks;
 use crate::whole_file;
 
 /// Hears SIGINT and SIGTERM. The first one is for the work to see, and ends the program within a second; the next one ends it at once.
@@ -68,7 +69,9 @@ impl Interrupt {
                         };
                         if is_first && is_asked {
                             std::thread::spawn(move || {
-                                std::thread::sleep(GRACE);
+                                // The first rank says how all end.
+                                let others = if ranks::is_first() { 0 } else { 4 };
+                                std::thread::sleep(GRACE * (1 + others));
                                 end("before a safe point");
                             });
                         } else {

@@ -19,6 +19,7 @@ mod output;
 mod picture;
 mod points;
 mod progress;
+mod ranks;
 mod render;
 mod reproduce;
 mod reproduction;
@@ -38,6 +39,8 @@ mod voxel_text;
 use std::ffi::OsString;
 use std::io::{self, BufWriter, Write};
 use std::panic::{AssertUnwindSafe, PanicHookInfo};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use args::{Cli, Command, CommonArgs};
 use clap::{CommandFactory as _, FromArgMatches as _};
@@ -46,6 +49,7 @@ use failure::Failure;
 use json::{JsonDocument, in_order};
 
 use crate::printable::{printable_message, quoted};
+use crate::ranks::End;
 
 /// What a command gives back: text for people, the same as a document, and how it ended.
 struct Outcome {
@@ -55,30 +59,96 @@ struct Outcome {
 }
 
 /// Runs the program on its arguments (the first is the program's name) and returns its exit code.
+///
+/// Of several ranks the first one prints, or one that failed alone; all return the same exit code.
 #[must_use]
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
-    let cli = match parse(&arguments) {
+    if let Err((failure, is_first)) = ranks::start() {
+        if is_first {
+            complain(&failure.message);
+        }
+        return failure.code;
+    }
+    MUTE.store(!ranks::is_first(), Ordering::Relaxed);
+    let answer = answer(&arguments);
+    let all = ranks::of_run();
+    let verdict = all.end(End {
+        code: answer.code as u8,
+        failed: answer.failure.is_some(),
+    });
+    if let Some(failure) = answer.failure.filter(|_| verdict.speaks) {
+        MUTE.store(false, Ordering::Relaxed);
+        if !failure.message.is_empty() && all.is_first() {
+            complain(&failure.message);
+        } else if !all.is_first() {
+            complain(&format!("rank {} on {}: {}", all.rank(), all.host(), failure.message));
+        }
+        if answer.json {
+            print_document(&in_order(&failure.document()).into());
+        }
+    }
+    if verdict.aborts {
+        all.abort(verdict.code);
+    }
+    ExitCode::of(verdict.code)
+}
+
+/// True if another rank prints.
+static MUTE: AtomicBool = AtomicBool::new(false);
+
+/// The first defect of a rank that does not print.
+static DEFECT: Mutex<Option<String>> = Mutex::new(None);
+
+/// How the work ended: what it had to say is printed, but for a failure.
+struct Answer {
+    code: ExitCode,
+    failure: Option<Failure>,
+    json: bool,
+}
+
+impl Answer {
+    fn printed(code: ExitCode) -> Self {
+        Self {
+            code,
+            failure: None,
+            json: false,
+        }
+    }
+}
+
+fn answer(arguments: &[OsString]) -> Answer {
+    let cli = match parse(arguments) {
         Ok(cli) => cli,
-        Err(error) => return usage(&error, &arguments),
+        Err(error) => return usage(&error, arguments),
     };
     let common = cli.command.common();
     let json = common.is_some_and(|common| common.json);
     interrupt::outlive_size_limits();
     // A panic is a defect of the program: one line says so, and that it is not the user's fault.
     std::panic::set_hook(Box::new(|defect| {
-        complain(&format!(
-            "a defect of the program, please report it: {}",
-            one_line(defect)
-        ));
+        let text = format!("a defect of the program, please report it: {}", one_line(defect));
+        if MUTE.load(Ordering::Relaxed) {
+            let mut first = DEFECT.lock().unwrap_or_else(PoisonError::into_inner);
+            first.get_or_insert(text);
+        } else {
+            complain(&text);
+        }
     }));
-    let result = std::panic::catch_unwind(AssertUnwindSafe(|| match (&cli.command, common) {
-        (Command::Completions(a), _) => Ok(manual::completions(*a, command())),
-        (Command::Man(a), _) => manual::pages(a, command()),
-        (other, Some(common)) => run(other, common),
-        (other, None) => unreachable!("a command that computes nothing: {other:?}"),
+    let defect = |_| {
+        let mut first = DEFECT.lock().unwrap_or_else(PoisonError::into_inner);
+        Err(Failure::new("defect", first.take().unwrap_or_default()))
+    };
+    let result = std::panic::catch_unwind(AssertUnwindSafe(|| {
+        ranks::expect_shared(&cli.command)?;
+        match (&cli.command, common) {
+            (Command::Completions(a), _) => Ok(manual::completions(*a, command())),
+            (Command::Man(a), _) => manual::pages(a, command()),
+            (other, Some(common)) => run(other, common),
+            (other, None) => unreachable!("a command that computes nothing: {other:?}"),
+        }
     }))
-    .unwrap_or_else(|_| Err(Failure::new("defect", "")));
+    .unwrap_or_else(defect);
     match result {
         Ok(outcome) => {
             let printed = if json {
@@ -86,17 +156,13 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
             } else {
                 print(&outcome.text)
             };
-            if printed { outcome.code } else { ExitCode::Error }
+            Answer::printed(if printed { outcome.code } else { ExitCode::Error })
         }
-        Err(failure) => {
-            if !failure.message.is_empty() {
-                complain(&failure.message);
-            }
-            if json {
-                print_document(&in_order(&failure.document()).into());
-            }
-            failure.code
-        }
+        Err(failure) => Answer {
+            code: failure.code,
+            failure: Some(failure),
+            json,
+        },
     }
 }
 
@@ -123,7 +189,9 @@ fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
             "{flag} says how a scene is read, and this command reads none"
         )));
     }
-    let threads = common.threads.map_or(0, std::num::NonZeroUsize::get);
+    let threads = common
+        .threads
+        .map_or_else(ranks::default_threads, std::num::NonZeroUsize::get);
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
@@ -150,20 +218,19 @@ fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
     })
 }
 
-/// Prints clap's message; with `--json`, the document of the error too.
-fn usage(error: &clap::Error, arguments: &[OsString]) -> ExitCode {
+/// Prints what was asked of clap, or returns its message as a failure.
+fn usage(error: &clap::Error, arguments: &[OsString]) -> Answer {
     use clap::error::ErrorKind;
     if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
-        return if print(&error.render().to_string()) {
-            ExitCode::Done
-        } else {
-            ExitCode::Error
-        };
+        let printed = print(&error.render().to_string());
+        return Answer::printed(if printed { ExitCode::Done } else { ExitCode::Error });
     }
     if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
-        // The whole help is the answer. Printing can only fail if stderr is closed; there is nobody left to tell.
-        let _ = error.print();
-        return ExitCode::Usage;
+        if ranks::is_first() {
+            // The whole help is the answer. Printing can only fail if stderr is closed; there is nobody left to tell.
+            let _ = error.print();
+        }
+        return Answer::printed(ExitCode::Usage);
     }
     let mut line = usage_line(&error.render().to_string());
     for argument in arguments.iter().map(|argument| argument.to_string_lossy()) {
@@ -172,11 +239,11 @@ fn usage(error: &clap::Error, arguments: &[OsString]) -> ExitCode {
             line = line.replace(&*argument, &cut);
         }
     }
-    complain(&line);
-    if arguments.iter().any(|a| a == "--json") {
-        print_document(&in_order(&Failure::new("usage", line).document()).into());
+    Answer {
+        code: ExitCode::Usage,
+        failure: Some(Failure::usage(line)),
+        json: arguments.iter().any(|a| a == "--json"),
     }
-    ExitCode::Usage
 }
 
 /// Makes one line of clap's message: what is wrong, the arguments or values that it lists, and its tips; how the command is used is in its help.
@@ -218,6 +285,9 @@ fn print(text: &str) -> bool {
 }
 
 fn printed(write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> bool {
+    if MUTE.load(Ordering::Relaxed) {
+        return true;
+    }
     let mut stdout = BufWriter::new(io::stdout().lock());
     match write(&mut stdout).and_then(|()| stdout.flush()) {
         Ok(()) => true,
@@ -261,6 +331,9 @@ fn one_line(defect: &PanicHookInfo<'_>) -> String {
 
 /// Writes one line to stderr.
 fn complain(message: &str) {
+    if MUTE.load(Ordering::Relaxed) {
+        return;
+    }
     let _ = writeln!(io::stderr(), "radiosity: {}", printable_message(message));
 }
 

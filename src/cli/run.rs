@@ -13,9 +13,10 @@ use super::failure::{Failure, flag};
 use super::interrupt::Interrupt;
 use super::json::{JsonDocument, in_order};
 use super::progress::Bars;
-use super::{Outcome, warn};
+use super::{Outcome, ranks, warn};
 use crate::document::{Document, OfScene};
 use crate::mesh::{MeshOptions, Subdivision};
+use crate::plan::byte_text;
 use crate::printable::printable_message;
 use crate::render::MAX_PICTURE_EXITANCE;
 use crate::scene::{Lighting, Scene, SceneWarningKind, builtin};
@@ -38,10 +39,12 @@ impl Run {
     pub(super) fn new(command: &'static str, common: &CommonArgs) -> Self {
         // What these do is many short runs, and none of them asks whether to go on.
         let interrupt = Interrupt::listen(!matches!(command, "compare" | "reproduce"));
-        let bars = Arc::new(Bars::new(common.quiet, interrupt.clone()));
+        let quiet = common.quiet || !ranks::is_first();
+        let bars = Arc::new(Bars::new(quiet, interrupt.clone()));
         let mut cx = Context::new(Arc::clone(&bars) as _);
+        cx.ranks = ranks::of_run();
         cx.naming = flag;
-        if !common.quiet {
+        if !quiet {
             let bars = Arc::clone(&bars);
             cx = cx.on_warning(move |warning| bars.aside(|| warn(&warning.text(&flag))));
         }
@@ -59,6 +62,7 @@ impl Run {
     /// Takes over what flags say of memory and checkpoint, and what is known of the work after the form factors.
     pub(super) fn expect(&mut self, storage: &StorageArgs, demand: Demand) {
         self.cx.memory = storage.memory.memory();
+        self.cx.memory.n_others = ranks::n_others();
         self.cx.checkpoint_file.clone_from(&storage.checkpoint);
         self.cx.demand = demand;
     }
@@ -128,7 +132,9 @@ impl Run {
             Some(_) if self.command == "field" => Use::Points,
             Some(_) => Use::Light,
         };
-        Ok(Model::new(scene, path, options, patches_for, &mut self.cx)?)
+        let model = Model::new(scene, path, options, patches_for, &mut self.cx)?;
+        self.cx.expect_same("scene", model.scene.content_hash().as_bytes())?;
+        Ok(model)
     }
 
     /// Warns of lightings in which no face emits light, each with its file; without a file it is the scene's own.
@@ -201,6 +207,17 @@ impl Run {
         if self.common.explain {
             for decision in &model.plan.decisions {
                 let _ = writeln!(text, "{}: {} ({})", decision.subject, decision.choice, decision.reason);
+            }
+            if self.cx.ranks.size() > 1 {
+                let sent = self.cx.ranks.traffic();
+                let _ = writeln!(
+                    text,
+                    "rank 0 sent: {} messages of {} to single ranks, {} collective ones of {}",
+                    sent.n_messages,
+                    byte_text(sent.message_byte),
+                    sent.n_collective,
+                    byte_text(sent.collective_byte)
+                );
             }
             for item in &model.plan.left_out {
                 let _ = writeln!(text, "left out: {item}");

@@ -38,6 +38,8 @@ pub(super) struct Journal<'a> {
     begun: bool,
     /// The part of the piece that an earlier run finished.
     found: HashMap<u64, Record>,
+    /// What it left of other pieces, on which other ranks worked.
+    of_others: HashMap<u64, HashMap<u64, Record>>,
     /// The number of the next record, and what is to be in it.
     pending: Mutex<(u64, Vec<(u64, Record)>)>,
 }
@@ -50,25 +52,32 @@ impl<'a> Journal<'a> {
             piece: 0,
             begun: false,
             found: HashMap::new(),
+            of_others: HashMap::new(),
             pending: Mutex::default(),
         }
     }
 
-    /// Goes over to a piece. Pieces are worked on one after the other, so that an earlier run can have left results of the first one alone.
+    /// Goes over to a piece. Pieces are worked on one after the other: of pieces that are not finished, an earlier run left one for each of its ranks.
     pub(super) fn begin(&mut self, piece: u64) {
         self.piece = piece;
-        self.found.clear();
+        self.found = self.of_others.remove(&piece).unwrap_or_default();
         let pending = self.pending.get_mut().unwrap_or_else(PoisonError::into_inner);
         pending.1.clear();
         if std::mem::replace(&mut self.begun, true) {
             return;
         }
+        let Some(checkpoint) = self.checkpoint else { return };
         let mut next = FIRST;
-        while let Some(bytes) = self.checkpoint.and_then(|kept| kept.piece(next)) {
+        while checkpoint.has(next) {
+            for (of_piece, results) in checkpoint.contents(next).filter_map(|bytes| decode(&bytes)) {
+                if !checkpoint.has(of_piece) {
+                    self.of_others.entry(of_piece).or_default().extend(results);
+                }
+            }
             next += 1;
-            self.found.extend(decode(&bytes, piece).into_iter().flatten());
         }
         pending.0 = next;
+        self.found = self.of_others.remove(&piece).unwrap_or_default();
     }
 
     /// Returns the result at a place of the piece, if an earlier run kept it.
@@ -98,8 +107,8 @@ impl<'a> Journal<'a> {
     }
 }
 
-/// Returns the results in a record that belong to a piece; none of a record that is something else.
-fn decode(bytes: &[u8], piece: u64) -> Option<Vec<(u64, Record)>> {
+/// Returns the piece of a record and the results in it; none of a record that is something else.
+fn decode(bytes: &[u8]) -> Option<(u64, Vec<(u64, Record)>)> {
     let (numbers, []) = bytes.as_chunks::<8>() else {
         return None;
     };
@@ -110,10 +119,8 @@ fn decode(bytes: &[u8], piece: u64) -> Option<Vec<(u64, Record)>> {
     let (results, []) = results.as_chunks::<NUMBERS>() else {
         return None;
     };
-    (*of_piece == piece).then(|| {
-        let results = results.iter();
-        results.map(|&[place, ref own @ ..]| (place, *own)).collect()
-    })
+    let results = results.iter().map(|&[place, ref own @ ..]| (place, *own));
+    Some((*of_piece, results.collect()))
 }
 
 #[cfg(test)]
@@ -155,11 +162,19 @@ mod tests {
         assert_eq!(of(&journal), 1 + CHEAP_AT_ONCE);
         journal.keep(9999, [9; 4], DEAR);
         journal.begin(6);
-        assert_eq!(of(&journal), 0, "only the piece that was left unfinished is looked for");
+        assert_eq!(
+            (of(&journal), journal.get(7)),
+            (1, Some([7; 4])),
+            "another unfinished piece"
+        );
+        // A piece that is finished needs no results of its own.
+        again.0.keep(6, b"finished");
         drop(journal);
         drop(again);
         let last = open();
         let mut journal = Journal::new(&last);
+        journal.begin(6);
+        assert_eq!(of(&journal), 0);
         journal.begin(5);
         assert_eq!((of(&journal), journal.get(9999)), (1 + CHEAP_AT_ONCE, Some([9; 4])));
     }
@@ -170,11 +185,10 @@ mod tests {
             .iter()
             .flat_map(|n| n.to_le_bytes())
             .collect();
-        assert_eq!(decode(&record, 5), Some(vec![(1, [2, 3, 4, 5])]));
-        assert_eq!(decode(&record, 6), None);
+        assert_eq!(decode(&record), Some((5, vec![(1, [2, 3, 4, 5])])));
         for cut in 17..record.len() {
-            assert_eq!(decode(&record[..cut], 5), None, "{cut}");
+            assert_eq!(decode(&record[..cut]), None, "{cut}");
         }
-        assert_eq!(decode(&record[8..], 5), None);
+        assert_eq!(decode(&record[8..]), None);
     }
 }

@@ -1,4 +1,4 @@
-//! Pieces of form factors that a checkpoint keeps.
+//! Pieces of form factors, as a checkpoint keeps them and ranks send them.
 
 use super::PairCounts;
 use crate::matrix::{Entry, RayWeights, RowTally, RowTile};
@@ -25,9 +25,12 @@ impl Piece {
         }
     }
 
-    fn encode(&self) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        let mut number = |n: u64| bytes.extend(n.to_le_bytes());
+    /// Returns the piece as bytes.
+    pub(super) fn encode(&self) -> Vec<u8> {
+        let n_entries: usize = self.tiles.iter().map(RowTile::n_entries).sum();
+        let n_rows: usize = self.tiles.iter().map(RowTile::n_rows).sum();
+        let mut bytes = Vec::with_capacity(24 * n_entries + 64 * n_rows + 256);
+        let mut number = |n: u64| bytes.extend_from_slice(&n.to_le_bytes());
         number(LAYOUT);
         let c = self.counts;
         for n in [
@@ -112,7 +115,7 @@ impl Piece {
     }
 
     /// Returns `None` for what [`encode`](Self::encode) does not write.
-    fn decode(bytes: &[u8]) -> Option<Self> {
+    pub(super) fn decode(bytes: &[u8]) -> Option<Self> {
         let (numbers, []) = bytes.as_chunks::<8>() else {
             return None;
         };

@@ -37,6 +37,26 @@ impl<'a> OnTheFly<'a> {
     }
 }
 
+impl OnTheFly<'_> {
+    /// Sets `y` to the products of some rows, from the one `first` on, with x.
+    fn apply_from(&self, first: usize, x: &Block, y: &mut [f64]) {
+        let n_channels = x.n_channels();
+        let tasks = y.par_chunks_mut(ROWS_PER_TILE * n_channels).enumerate();
+        tasks.for_each(|(k, sums)| {
+            let begin = first + k * ROWS_PER_TILE;
+            let tile = (self.rows)(begin..begin + sums.len() / n_channels);
+            for (row, sum) in sums.chunks_exact_mut(n_channels).enumerate() {
+                sum.fill(0.0);
+                for &(j, f, _) in tile.row(row) {
+                    for (s, x_j) in sum.iter_mut().zip(x.row(j as usize)) {
+                        *s += f * x_j;
+                    }
+                }
+            }
+        });
+    }
+}
+
 impl LinearOperator for OnTheFly<'_> {
     fn n_rows(&self) -> usize {
         self.n
@@ -50,19 +70,20 @@ impl LinearOperator for OnTheFly<'_> {
             y.n_rows() == self.n && y.n_channels() == n_channels,
             "y has the shape of x"
         );
-        let tasks = y.values_mut().par_chunks_mut(ROWS_PER_TILE * n_channels).enumerate();
-        tasks.for_each(|(k, sums)| {
-            let first = k * ROWS_PER_TILE;
-            let tile = (self.rows)(first..first + sums.len() / n_channels);
-            for (row, sum) in sums.chunks_exact_mut(n_channels).enumerate() {
-                sum.fill(0.0);
-                for &(j, f, _) in tile.row(row) {
-                    for (s, x_j) in sum.iter_mut().zip(x.row(j as usize)) {
-                        *s += f * x_j;
-                    }
-                }
-            }
-        });
+        self.apply_from(0, x, y.values_mut());
+    }
+
+    fn share_of_pass(&self, x: &Block, rank: usize, n_ranks: usize) -> Option<Vec<f64>> {
+        let n_tiles = self.n.div_ceil(ROWS_PER_TILE);
+        let first_of = |number: usize| self.n.min(n_tiles * number / n_ranks * ROWS_PER_TILE);
+        let (first, end) = (first_of(rank), first_of(rank + 1));
+        let mut sums = vec![0.0; (end - first) * x.n_channels()];
+        self.apply_from(first, x, &mut sums);
+        Some(sums)
+    }
+
+    fn end_pass(&self, shares: &[f64], y: &mut Block) {
+        y.values_mut().copy_from_slice(shares);
     }
 
     fn rows(&self) -> Option<&dyn RowAccess> {

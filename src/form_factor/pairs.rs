@@ -5,8 +5,7 @@ use std::ops::Range;
 use super::facing::Facing;
 use super::kept::{self, Part, Piece};
 use super::rounded::RoundedRows;
-use super::{Computed, FormFactorError, Input, PairCounts};
-use crate::in_order::InOrder;
+use super::{Computed, FormFactorError, Input, PairCounts, shared};
 use crate::matrix::{Entry, FormFactors, RowTally, RowTile, StorageChoice};
 use crate::mesh::PatchId;
 use crate::progress::Progress;
@@ -53,13 +52,14 @@ pub(super) fn by_pairs<W: PairWorker>(
     let facing = Facing::new(input.mesh);
     let rounded = RoundedRows::new(input);
     let tile_byte = (ROWS_PER_TILE * n * size_of::<Entry>()) as u64;
-    let results = InOrder::new(
+    let rows_of = |k: usize| k * ROWS_PER_TILE..n.min((k + 1) * ROWS_PER_TILE);
+    let n_pairs = |k: usize| rows_of(k).map(|i| (n - 1 - i) as u64).sum::<u64>();
+    let results = shared::pieces(
+        progress,
         n.div_ceil(ROWS_PER_TILE),
-        tile_byte,
-        storage.place.waiting_byte(),
+        (tile_byte, storage.place.waiting_byte()),
         |k| {
-            let rows = k * ROWS_PER_TILE..n.min((k + 1) * ROWS_PER_TILE);
-            let n_pairs: usize = rows.clone().map(|i| n - 1 - i).sum();
+            let rows = rows_of(k);
             let part = Part {
                 first_row: rows.start,
                 n,
@@ -71,9 +71,10 @@ pub(super) fn by_pairs<W: PairWorker>(
                 None => tile(rows, &facing, rounded.as_ref(), &mut worker())
                     .inspect(|piece| kept::keep(progress, k as u64, piece)),
             };
-            progress.advance(n_pairs as u64);
+            progress.advance(n_pairs(k));
             result
         },
+        n_pairs,
     );
     let mut counts = PairCounts::default();
     let mut tolerance_met = true;

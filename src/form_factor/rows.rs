@@ -5,8 +5,7 @@ use std::sync::Arc;
 
 use super::kept::{self, Part, Piece};
 use super::rounded::RoundedRows;
-use super::{Computed, FormFactorError, Input};
-use crate::in_order::InOrder;
+use super::{Computed, FormFactorError, Input, shared};
 use crate::matrix::{Entry, FormFactors, RowTile, StorageChoice, UpperBounds};
 use crate::progress::Progress;
 
@@ -27,39 +26,45 @@ pub(super) fn by_rows(
     progress.begin("form factors", n as u64);
     let rounded = RoundedRows::new(input);
     let tile_byte = (ROWS_PER_TILE * n * size_of::<Entry>()) as u64;
-    let tiles = InOrder::new(
+    let rows_of = |k: usize| k * ROWS_PER_TILE..n.min((k + 1) * ROWS_PER_TILE);
+    let n_rows = |k: usize| rows_of(k).len() as u64;
+    let pieces = shared::pieces(
+        progress,
         n.div_ceil(ROWS_PER_TILE),
-        tile_byte,
-        storage.place.waiting_byte(),
+        (tile_byte, storage.place.waiting_byte()),
         |k| {
-            let rows = k * ROWS_PER_TILE..n.min((k + 1) * ROWS_PER_TILE);
-            let n_rows = rows.len() as u64;
+            let rows = rows_of(k);
             let part = Part {
                 first_row: rows.start,
                 n,
                 is_upper: false,
             };
-            let piece = kept::take(progress, k as u64, part, |end| end == rows.end).unwrap_or_else(|| {
-                let empty = RowTile::new(rows.start);
-                let piece = Piece::of_rows(if progress.is_cancelled() {
-                    empty
-                } else {
+            let result = match kept::take(progress, k as u64, part, |end| end == rows.end) {
+                Some(piece) => Ok(piece),
+                None if progress.is_cancelled() => Err(FormFactorError::Interrupted),
+                None => {
                     let exact = tile(rows);
-                    match &rounded {
+                    let piece = Piece::of_rows(match &rounded {
                         Some(rounded) => with_rounding(&exact, input, rounded, bounds.as_deref()),
                         None => exact,
-                    }
-                });
-                kept::keep(progress, k as u64, &piece);
-                piece
-            });
-            progress.advance(n_rows);
-            piece.tiles
+                    });
+                    kept::keep(progress, k as u64, &piece);
+                    Ok(piece)
+                }
+            };
+            progress.advance(n_rows(k));
+            result
         },
+        n_rows,
     );
-    let factors = FormFactors::from_tiles(input.mesh.areas(), tiles.flatten(), storage);
+    let mut failure = None;
+    let tiles = pieces.map_while(|result| result.map_err(|error| failure = Some(error)).ok());
+    let factors = FormFactors::from_tiles(input.mesh.areas(), tiles.flat_map(|piece| piece.tiles), storage);
     if progress.is_cancelled() {
         return Err(FormFactorError::Interrupted);
+    }
+    if let Some(error) = failure {
+        return Err(error);
     }
     let factors = factors?;
     Ok(Computed {

@@ -9,6 +9,11 @@ use super::error::{DiskError, MatrixError};
 use super::operator::Block;
 use super::tile::{Entry, index};
 
+/// Returns the part of `n` things that is rank `rank`'s of `n_ranks`.
+pub(in crate::matrix) fn share_of(n: usize, rank: usize, n_ranks: usize) -> Range<usize> {
+    n * rank / n_ranks..n * (rank + 1) / n_ranks
+}
+
 /// A stored n by n matrix F, whatever its layout, precision and place.
 ///
 /// F_ij is the number stored for (i, j), times f_i where there are [`row_factors`](Self::row_factors). Products are
@@ -19,6 +24,15 @@ pub(in crate::matrix) trait Backend: Debug + Send + Sync {
 
     /// Computes y = F x.
     fn apply(&self, x: &Block, y: &mut Block);
+
+    /// Does the part of a pass that is rank `rank`'s of `n_ranks`, and returns numbers for [`end_pass`](Self::end_pass).
+    fn share_of_pass(&self, x: &Block, rank: usize, n_ranks: usize) -> Vec<f64>;
+
+    /// Sets y to F x, to the bytes of [`apply`](Self::apply), from what [`share_of_pass`](Self::share_of_pass) returned on each rank, one after the other.
+    fn end_pass(&self, shares: &[f64], y: &mut Block);
+
+    /// Returns the bytes that a pass reads.
+    fn pass_byte(&self) -> usize;
 
     /// Adds Σ_{j ≠ i} F_ij x_j to `sum` and returns F_ii.
     fn dot_off_diagonal(&self, i: usize, x: &Block, sum: &mut [f64]) -> f64;

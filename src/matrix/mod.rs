@@ -19,6 +19,8 @@ mod product;
 mod regroup;
 mod repair;
 mod rows;
+#[cfg(test)]
+mod shares;
 mod square;
 mod surfaces;
 mod symmetric;

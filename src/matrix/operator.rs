@@ -125,6 +125,14 @@ pub trait LinearOperator: Sync {
     /// Computes `y` = F `x`, every channel in one pass over F.
     fn apply(&self, x: &Block, y: &mut Block);
 
+    /// Does the part of a pass that is rank `rank`'s of `n_ranks`, and returns numbers for [`end_pass`](Self::end_pass); `None` where a pass is not worth sharing.
+    fn share_of_pass(&self, _x: &Block, _rank: usize, _n_ranks: usize) -> Option<Vec<f64>> {
+        None
+    }
+
+    /// Sets `y` = F x, to the bytes of [`apply`](Self::apply), from what [`share_of_pass`](Self::share_of_pass) returned on each rank, one after the other.
+    fn end_pass(&self, _shares: &[f64], _y: &mut Block) {}
+
     /// Returns access by rows, for solvers that need it, or `None` where rows cannot be had cheaply.
     fn rows(&self) -> Option<&dyn RowAccess>;
 

@@ -5,6 +5,9 @@ use super::error::DiskError;
 use super::form_factors::FormFactors;
 use super::operator::{Block, Components, LinearOperator, RowAccess};
 
+/// The bytes of a matrix from which ranks share a pass: below, it takes no longer than the messages.
+const SHARED_BYTE: usize = 32 << 20;
+
 /// Applies F: y_ic = Σ_j F_ij x_jc.
 ///
 /// Rows, and tiles of a symmetric matrix, are shared out to threads, and what belongs together is summed in a fixed order: the
@@ -27,6 +30,15 @@ impl LinearOperator for FormFactors {
             "y has the shape of x"
         );
         self.entries.apply(x, y);
+    }
+
+    fn share_of_pass(&self, x: &Block, rank: usize, n_ranks: usize) -> Option<Vec<f64>> {
+        let is_worth_it = self.entries.pass_byte() >= SHARED_BYTE;
+        is_worth_it.then(|| self.entries.share_of_pass(x, rank, n_ranks))
+    }
+
+    fn end_pass(&self, shares: &[f64], y: &mut Block) {
+        self.entries.end_pass(shares, y);
     }
 
     fn rows(&self) -> Option<&dyn RowAccess> {

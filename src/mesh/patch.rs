@@ -41,7 +41,7 @@ pub struct Patch {
 }
 
 /// A point on a patch, as weights of its corners.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PatchPoint {
     /// The patch.
     pub patch: PatchId,

@@ -1,6 +1,7 @@
 //! A point that light comes to straight from its source, and how much does.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::mesh::PatchId;
 use crate::scene::FaceId;
@@ -20,7 +21,7 @@ pub(super) struct DirectPoint {
 /// The estimate at one point, per channel.
 ///
 /// The variance is that of the mean of independent samples; it is 0 where all samples agree.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct DirectEstimate {
     pub(super) mean: [f64; 3],
     pub(super) variance: [f64; 3],

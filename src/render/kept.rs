@@ -31,6 +31,28 @@ impl BlockState {
         self.n_rounds += 1;
     }
 
+    /// Returns what a round made as bytes: the pixels that were not finished before it.
+    pub(super) fn encode_round(&self, next: &[Gathered], rare: &RareLight) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        rare.encode(&mut bytes);
+        for (before, after) in self.gathered.iter().zip(next) {
+            if !before.is_finished() {
+                after.encode(&mut bytes);
+            }
+        }
+        bytes
+    }
+
+    /// Takes over what a round made on another rank, from its bytes.
+    ///
+    /// # Panics
+    /// If they are no round after this state: ranks have equal states.
+    #[track_caller]
+    pub(super) fn end_other_round(&mut self, round: &[u8]) {
+        let (next, rare) = decoded(round, &self.gathered).expect("what a rank sends is a round");
+        self.end_round(next, &rare);
+    }
+
     /// Returns the radiance of all pixels with what was gathered so far.
     pub(super) fn radiance(&self) -> impl Iterator<Item = [f32; 3]> {
         self.pixels.iter().zip(&self.gathered).map(|(pixel, gathered)| {
@@ -70,13 +92,7 @@ impl<'a> KeptRounds<'a> {
 
     /// Keeps what the round after `state` made.
     pub(super) fn keep(&self, block: usize, state: &BlockState, next: &[Gathered], rare: &RareLight) {
-        let mut bytes = Vec::new();
-        rare.encode(&mut bytes);
-        for (before, after) in state.gathered.iter().zip(next) {
-            if !before.is_finished() {
-                after.encode(&mut bytes);
-            }
-        }
+        let bytes = state.encode_round(next, rare);
         self.checkpoint.keep(self.piece(block, state.n_rounds), &bytes);
     }
 }

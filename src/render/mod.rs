@@ -23,6 +23,7 @@ mod run;
 mod samples;
 mod settings;
 mod shade;
+mod shared;
 pub mod tone_map;
 mod unfolded;
 mod unfolded_view;

@@ -2,13 +2,15 @@
 
 use std::f64::consts::PI;
 
+use serde::{Deserialize, Serialize};
+
 use super::direct_point::DirectEstimate;
 use super::gather::Gathered;
 use super::image::{Image, Samples, channel_names};
 use super::shade::{Shade, SurfacePoint};
 
 /// Everything about one pixel.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Pixel {
     pub(super) shade: Shade,
     pub(super) direct: DirectEstimate,

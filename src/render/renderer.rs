@@ -1,8 +1,9 @@
 //! From views to pixels, block by block.
 
 use std::collections::BTreeMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::direct::{DirectPass, Scratch};
 use super::direct_point::{DirectEstimate, DirectPoint};
@@ -17,8 +18,10 @@ use super::rare::{LightPool, RareLight};
 use super::samples::{FirstLook, PixelSamples};
 use super::settings::RenderSettings;
 use super::shade::{self, Shader, SurfacePoint};
+use super::shared::{self, decode_pixels, decode_state, encode_pixels, encode_state};
 use super::view::View;
 use crate::progress::Progress;
+use crate::ranks::Code;
 use crate::scene::SurfaceId;
 use crate::visibility::{Coherence, HitBatch, RayBatch};
 
@@ -45,6 +48,10 @@ fn go_on(progress: &dyn Progress) -> Result<(), RenderError> {
     }
 }
 
+fn locked(state: &Mutex<BlockState>) -> MutexGuard<'_, BlockState> {
+    state.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// The view of a block.
 struct Seen {
     /// The hits at the pixels' centres.
@@ -58,7 +65,7 @@ struct Seen {
 }
 
 /// What all samples that show the front of one surface bring together.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct SurfaceSum {
     pub(super) n_samples: u64,
     /// Σ of the samples' shares of their pixels.
@@ -108,30 +115,26 @@ impl Renderer<'_> {
         let mut sums = SurfaceSums::new();
         progress.begin("render", blocks.len() as u64);
         // Blocks at a time, so that pixels in f64 never fill the memory.
-        for batch in blocks.chunks(BLOCKS_AT_A_TIME) {
-            let rendered: Vec<(Vec<Pixel>, SurfaceSums)> = batch
-                .par_iter()
-                .map(|&block| {
-                    if progress.is_cancelled() {
-                        return Default::default();
-                    }
-                    let (pixels, own) = self.block(block);
-                    self.show(block, pixels.iter().map(Pixel::radiance));
-                    progress.advance(1);
-                    (pixels, own)
-                })
-                .collect();
-            go_on(progress)?;
-            for (&block, (pixels, own)) in batch.iter().zip(&rendered) {
-                canvas.set_all(positions(block), pixels);
-                for (&surface, of_block) in own {
-                    let sum = sums.entry(surface).or_default();
-                    sum.n_samples += of_block.n_samples;
-                    sum.share += of_block.share;
-                    sum.irradiance += of_block.irradiance;
-                }
+        let render = |k: usize| {
+            let rendered = (!progress.is_cancelled()).then(|| self.block(blocks[k]))?;
+            self.show(blocks[k], rendered.0.iter().map(Pixel::radiance));
+            progress.advance(1);
+            Some(rendered)
+        };
+        let code = Code {
+            encode: encode_pixels,
+            decode: decode_pixels,
+        };
+        let sizes = (blocks.len(), BLOCKS_AT_A_TIME);
+        shared::for_each(progress, sizes, render, &code, |k, (pixels, own)| {
+            canvas.set_all(positions(blocks[k]), &pixels);
+            for (surface, of_block) in own {
+                let sum = sums.entry(surface).or_default();
+                sum.n_samples += of_block.n_samples;
+                sum.share += of_block.share;
+                sum.irradiance += of_block.irradiance;
             }
-        }
+        })?;
         Ok((canvas.into_image(), sums))
     }
 
@@ -151,55 +154,78 @@ impl Renderer<'_> {
             )
         });
         progress.begin("render", blocks.len() as u64);
-        let mut states: Vec<BlockState> = blocks
-            .par_iter()
-            .enumerate()
-            .map(|(k, &block)| {
-                if progress.is_cancelled() {
-                    return BlockState::default();
-                }
-                let (pixels, _) = self.block(block);
-                let gathered = vec![Gathered::default(); pixels.len()];
-                let mut state = BlockState {
-                    pixels,
-                    gathered,
-                    rare: None,
-                    n_rounds: 0,
-                };
-                if let Some(kept) = &kept {
-                    kept.restore(k, &mut state);
-                }
-                self.show(block, state.radiance());
-                progress.advance(1);
-                state
-            })
-            .collect();
+        let begun = |k: usize| {
+            let (pixels, _) = (!progress.is_cancelled()).then(|| self.block(blocks[k]))?;
+            let gathered = vec![Gathered::default(); pixels.len()];
+            let mut state = BlockState {
+                pixels,
+                gathered,
+                rare: None,
+                n_rounds: 0,
+            };
+            if let Some(kept) = &kept {
+                kept.restore(k, &mut state);
+            }
+            self.show(blocks[k], state.radiance());
+            progress.advance(1);
+            Some(state)
+        };
+        let code = Code {
+            encode: encode_state,
+            decode: decode_state,
+        };
+        let mut states = Vec::with_capacity(blocks.len());
+        let sizes = (blocks.len(), blocks.len().max(1));
+        shared::for_each(progress, sizes, begun, &code, |_, state| states.push(Mutex::new(state)))?;
+        let is_shared = progress.ranks().size() > 1;
         let mut n_rounds = 0;
         loop {
             go_on(progress)?;
-            let n_open = states.iter().filter(|state| state.is_open()).count();
+            let open: Vec<(usize, u32)> = states
+                .iter()
+                .map(locked)
+                .enumerate()
+                .filter_map(|(k, state)| state.is_open().then_some((k, state.n_rounds)))
+                .collect();
+            let n_open = open.len();
             // After the deadline pixels keep the noise of their rounds, which is stated.
             if n_open == 0 || n_rounds > 0 && progress.is_late() {
                 break;
             }
             n_rounds += 1;
             progress.begin("gather", n_open as u64);
-            let open = states.par_iter_mut().zip(blocks).enumerate();
-            open.filter(|(_, (state, _))| state.is_open())
-                .for_each(|(k, (state, &block))| {
-                    // A round that is stopped half-way has not been.
-                    let Some((next, rare)) = self.gather_round(gatherer, block, state, progress) else {
-                        return;
-                    };
-                    if let Some(kept) = &kept {
-                        kept.keep(k, state, &next, &rare);
-                    }
-                    state.end_round(next, &rare);
-                    self.show(block, state.radiance());
-                    progress.advance(1);
-                });
+            let round = |number: usize| {
+                let (k, _) = open[number];
+                let mut state = locked(&states[k]);
+                // A round that is stopped half-way has not been.
+                let (next, rare) = self.gather_round(gatherer, blocks[k], &state, progress)?;
+                if let Some(kept) = &kept {
+                    kept.keep(k, &state, &next, &rare);
+                }
+                let sent = is_shared.then(|| state.encode_round(&next, &rare));
+                state.end_round(next, &rare);
+                self.show(blocks[k], state.radiance());
+                progress.advance(1);
+                Some(sent.unwrap_or_default())
+            };
+            let of_rounds = Code {
+                encode: Vec::clone,
+                decode: |_, bytes: &[u8]| Some(bytes.to_vec()),
+            };
+            let all = (n_open, n_open);
+            shared::for_each(progress, all, round, &of_rounds, |number, round: Vec<u8>| {
+                let (k, n_before) = open[number];
+                let mut state = locked(&states[k]);
+                if state.n_rounds == n_before {
+                    state.end_other_round(&round);
+                    self.show(blocks[k], state.radiance());
+                }
+            })?;
         }
-        for (state, &block) in states.iter_mut().zip(blocks) {
+        let states = states
+            .into_iter()
+            .map(|state| state.into_inner().unwrap_or_else(PoisonError::into_inner));
+        for (mut state, &block) in states.zip(blocks) {
             for (pixel, gathered) in state.pixels.iter_mut().zip(&state.gathered) {
                 pixel.add_gathered(gathered);
             }

@@ -1,6 +1,7 @@
 //! From a ray to what a point of a surface looks like.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use super::input::RenderInput;
 use super::view::Sight;
@@ -13,7 +14,7 @@ use crate::visibility::{HitBatch, RayBatch, Visibility};
 const SIGHT_OFFSETS: f64 = 4.0;
 
 /// A point of the scene's surface that a pixel sees.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct SurfacePoint {
     pub(super) face: FaceId,
     pub(super) back: bool,
@@ -25,7 +26,7 @@ pub(super) struct SurfacePoint {
 }
 
 /// The colours of a point; zero at a back.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Shade {
     pub(super) irradiance: [f64; 3],
     pub(super) radiosity: [f64; 3],

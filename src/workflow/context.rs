@@ -13,6 +13,7 @@ use crate::audit::Audit;
 use crate::checkpoint::Checkpoint;
 use crate::parameter::plainly;
 use crate::progress::{Forecast, Progress, Silent};
+use crate::ranks::{Alone, Ranks};
 use crate::report::StageTimes;
 
 /// Hears of a warning as soon as there is one.
@@ -40,6 +41,8 @@ pub struct Context {
     pub lighting_files: Vec<Option<PathBuf>>,
     /// The light that leaks through patches which are not cut at contact edges.
     pub leaks: Leaks,
+    /// The ranks that share the work; each of them has a context and takes the same steps.
+    pub ranks: Arc<dyn Ranks>,
     /// A file for finished work, from which the same study goes on after an interruption.
     pub checkpoint_file: Option<PathBuf>,
     pub(super) checkpoint: Option<Checkpoint>,
@@ -87,6 +90,7 @@ impl Context {
             audit: Audit::default(),
             lighting_files: Vec::new(),
             leaks: Leaks::default(),
+            ranks: Arc::new(Alone),
             checkpoint_file: None,
             checkpoint: None,
             deadline: None,
@@ -184,6 +188,7 @@ impl Context {
     pub fn progress(&self) -> Watch<'_> {
         Watch {
             progress: &*self.progress,
+            ranks: &*self.ranks,
             checkpoint: self.checkpoint.as_ref(),
             deadline: self.deadline,
             forecast: Mutex::default(),
@@ -214,7 +219,7 @@ impl Context {
             return;
         };
         let file = checkpoint.path().to_owned();
-        if let Err(error) = checkpoint.remove() {
+        if let Err(error) = checkpoint.remove(self.ranks.is_first()) {
             let reason = error.reason();
             self.warn(Warning::CheckpointLeft { file, reason });
         }
@@ -222,7 +227,7 @@ impl Context {
 
     /// Opens the checkpoint with the key of what is computed, unless it is open.
     pub(super) fn open_checkpoint(&mut self, path: &Path, key: &[u8; 32]) -> Result<(), WorkflowError> {
-        self.checkpoint = Some(Checkpoint::open(path, key)?);
+        self.checkpoint = Some(Checkpoint::open_of_rank(path, key, &*self.ranks)?);
         self.progress.opened(path);
         Ok(())
     }
@@ -231,6 +236,7 @@ impl Context {
 /// The progress of a [`Context`], with its checkpoint and deadline.
 pub struct Watch<'a> {
     progress: &'a dyn Progress,
+    ranks: &'a dyn Ranks,
     checkpoint: Option<&'a Checkpoint>,
     deadline: Option<Instant>,
     forecast: Mutex<Option<Forecast>>,
@@ -267,5 +273,9 @@ impl Progress for Watch<'_> {
 
     fn checkpoint(&self) -> Option<&Checkpoint> {
         self.checkpoint
+    }
+
+    fn ranks(&self) -> &dyn Ranks {
+        self.ranks
     }
 }

@@ -123,6 +123,15 @@ pub enum WorkflowError {
     },
     /// The checkpoint could not be opened.
     Checkpoint(CheckpointError),
+    /// Ranks that are to share work would compute different things.
+    RanksDiffer {
+        /// What differs.
+        what: &'static str,
+        /// The first rank that differs from rank 0.
+        rank: usize,
+        /// The machines of that rank and of rank 0.
+        hosts: [String; 2],
+    },
     /// Settings do not go together: a fault of whoever asks.
     Unsuited(Unsuited),
     /// What a frame of a sequence names is refused.
@@ -246,6 +255,10 @@ impl WorkflowError {
                 byte_text(*needed),
                 byte_text(*limit),
                 name(Parameter::MemoryLimit)
+            ),
+            Self::RanksDiffer { what, rank, hosts } => format!(
+                "rank {rank} on {} has another {what} than rank 0 on {}; give all ranks the same files and the same build",
+                hosts[0], hosts[1]
             ),
             Self::Storage(error) => error.text(named),
             Self::FormFactor(error) => error.text(named),

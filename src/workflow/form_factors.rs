@@ -9,7 +9,7 @@ use crate::audit::Repair;
 use crate::form_factor::registry::{self, MethodEntry};
 use crate::form_factor::{
     self, Before, Closure, Computed, ExactMethod, FormFactorError, FormFactorMethod, MethodSettings, NORMALISE,
-    PairCounts, RAYS, ROW_TOLERANCE, Reciprocity, SEQUENCE, SkyFactors, TOLERANCE, worst_row,
+    PairCounts, RAYS, ROW_TOLERANCE, Reciprocity, SEQUENCE, SkyFactors, TOLERANCE, waiting_byte, worst_row,
 };
 use crate::matrix::{BalanceReport, Checks, FormFactors, Need, RepairKind, Sampling};
 use crate::progress::Progress as _;
@@ -226,12 +226,14 @@ impl Model {
             Sampling::of_pairs(has_noisy_pairs)
         };
         let kind = repair_kind(request.balance, need, sampling);
+        let n_patches = self.mesh.n_patches();
+        let working_byte = method.working_byte(n_patches);
         let matrix = MatrixDemand {
             by_rows: chosen.by_rows,
             repaired: matches!(kind, RepairKind::Closed | RepairKind::Rescaled),
             n_entries: chosen.n_entries.unwrap_or(u64::MAX),
             n_beside: u32::from(kind == RepairKind::Pooled),
-            working_byte: method.working_byte(self.mesh.n_patches()),
+            working_byte: working_byte + waiting_byte(n_patches, cx.ranks.size(), working_byte),
         };
         let place = storage::choose_storage(cx, self, matrix)?;
         storage::open_checkpoint(cx, self)?;

@@ -132,6 +132,9 @@ pub fn rendered(
     watcher: &dyn Watcher,
     cx: &mut Context,
 ) -> Result<(Image, Attributes), WorkflowError> {
+    if cx.ranks.size() > 1 {
+        cx.expect_same("light, view or version", &input.fingerprint(view, &settings))?;
+    }
     let image = {
         let watch = cx.progress();
         cx.time("render", || render_watched(input, view, &settings, &watch, watcher))?
@@ -154,7 +157,8 @@ pub fn render_shown(
     address: Option<&str>,
     cx: &mut Context,
 ) -> Result<Image, WorkflowError> {
-    let viewer = address.and_then(|address| connect(address, request, cx));
+    let shown = address.filter(|_| cx.ranks.is_first());
+    let viewer = shown.and_then(|at| connect(at, request, cx));
     let watcher: &dyn Watcher = viewer.as_ref().map_or(&Unwatched, |tev| tev);
     let image = render_to_files(input, request, watcher, cx)?;
     if viewer.is_some_and(|tev| !tev.is_connected()) {
@@ -230,6 +234,10 @@ impl KeptImage {
         file: ImageFile,
     ) -> Option<Self> {
         cx.checkpoint()?;
+        // Ranks take the same steps, and the files of one are not those of another.
+        if cx.ranks.size() > 1 {
+            return None;
+        }
         if file.pixels != exr::Pixels::F32 {
             return None;
         }

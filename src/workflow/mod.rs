@@ -25,6 +25,7 @@ mod on_the_fly;
 mod patch_picture;
 mod points;
 mod quality;
+mod ranks;
 mod repair;
 mod reuse;
 mod sequence;

@@ -9,7 +9,7 @@ use crate::audit::Given;
 use crate::form_factor::registry::METHODS;
 use crate::form_factor::{Input, OnTheFly};
 use crate::matrix::operator::{Block, LinearOperator};
-use crate::solver::Solution;
+use crate::solver::{SharedPasses, Solution};
 
 impl Model {
     /// Solves without storing form factors; with `indirect`, returns F (B − E), the irradiance without what comes straight from the emitters, too, at one more pass.
@@ -54,6 +54,9 @@ impl Model {
         }
         let method = request.chosen(cx)?.method;
         cx.settings.on_the_fly = Some(true);
+        // There is no checkpoint whose key would tell.
+        let key = format!("{} {:?}", self.mesh.geometry_hash(), cx.settings.record());
+        cx.expect_same("mesh or settings", key.as_bytes())?;
         // There are no tallies: every pass counts its own rays.
         let closed_rows = self.enclosed(&[], request.closure, cx)?.rows;
         let (reflectance, exitance) = self.materials();
@@ -100,7 +103,8 @@ impl Model {
         let materials = (reflectance, exitance.clone());
         let solution = solve_system(parts, (&operator, areas), solve, materials, known, cx)?;
         cx.warn(Warning::NoErrorOnTheFly);
-        let indirect = indirect.then(|| cx.time("solve", || indirect_irradiance(&operator, &exitance, &solution)));
+        let shared = SharedPasses::new(&operator, &*cx.ranks);
+        let indirect = indirect.then(|| cx.time("solve", || indirect_irradiance(&shared, &exitance, &solution)));
         Ok((solution, indirect))
     }
 }

@@ -79,6 +79,7 @@ impl Model {
             },
             other => other.into(),
         })?;
+        cx.expect_same_factors(&factors)?;
         let description = file.description();
         let path = || file.path().to_owned();
         let rounded = description.pairs.and_then(|pairs| pairs.doubted(&self.scene));

@@ -18,8 +18,8 @@ use crate::report::solution::SolutionReport;
 use crate::scene::{Scene, SurfaceId};
 use crate::solver::registry::{self, SolverEntry, Symmetry};
 use crate::solver::{
-    self, DISPLAY_AMBIENT, RadiositySystem, Solution, SolveOptions, SolverError, SolverSettings, Start, StopReason,
-    Tolerance, relative_errors,
+    self, DISPLAY_AMBIENT, RadiositySystem, SharedPasses, Solution, SolveOptions, SolverError, SolverSettings, Start,
+    StopReason, Tolerance, relative_errors,
 };
 
 /// The least relative change of the radiosity by the rounding of form factors that is reported: far above the error that the tolerance of a solution allows.
@@ -365,6 +365,10 @@ pub(super) fn solve_system(
     } else {
         RadiositySystem::new
     };
+    cx.expect_same_numbers("lighting, sun or boundary", &[&reflectance, &exitance])?;
+    let ranks = Arc::clone(&cx.ranks);
+    let shared = SharedPasses::new(factors, &*ranks);
+    let factors = if ranks.size() == 1 { factors } else { &shared };
     let system = build(factors, areas, reflectance, exitance)
         .and_then(|system| match known.closed_rows {
             Some(rows) => system.with_closed_rows(rows),

@@ -40,6 +40,8 @@ pub struct Memory {
     pub precision: Option<Precision>,
     /// The directory of the scratch file; `None`: that of the output, else the system's for temporary files.
     pub scratch: Option<PathBuf>,
+    /// How many more ranks on this machine share the memory that is available.
+    pub n_others: usize,
 }
 
 impl Memory {
@@ -51,7 +53,7 @@ impl Memory {
             clippy::cast_sign_loss,
             reason = "a share of a number that is not negative"
         )]
-        let share = |available: u64| (available as f64 * SHARE) as u64;
+        let share = |available: u64| (available as f64 * SHARE / (self.n_others + 1) as f64) as u64;
         // What the program holds already is no longer available, and counts as used.
         let by_default = || {
             let used = memory_used_byte().unwrap_or(0);
@@ -129,6 +131,7 @@ pub fn choose_storage(cx: &Context, model: &mut Model, matrix: MatrixDemand) -> 
     let materials = model.mesh.patches.iter().map(|p| p.material.0 as usize);
     let absorption = materials.flat_map(|m| model.scene.materials[m].reflectance.map(|rho| 1.0 - rho));
     let absorption_min = absorption.fold(1.0 - cx.demand.reflectance_max, f64::min);
+    let room = cx.room(memory_used_byte().unwrap_or(0));
     let accuracy = |tolerance| Accuracy {
         absorption_min,
         tolerance,
@@ -136,16 +139,16 @@ pub fn choose_storage(cx: &Context, model: &mut Model, matrix: MatrixDemand) -> 
     let demand = StorageDemand {
         n_patches: n,
         n_channels: model.plan.n_channels,
-        n_threads: rayon::current_num_threads(),
+        n_threads: room.n_threads,
         by_rows: matrix.by_rows,
         repaired: matrix.repaired,
         n_beside: matrix.n_beside,
         density: facing_share(&model.mesh).min(matrix.n_entries as f64 / n.max(1) as f64),
-        used_byte: memory_used_byte().unwrap_or(0),
+        used_byte: room.used_byte,
         working_byte: matrix.working_byte,
         image_byte: cx.demand.image_byte,
         accuracy: cx.demand.tolerance.map(accuracy),
-        limit_byte: cx.memory.limit(),
+        limit_byte: room.limit_byte,
     };
     let plan = plan_storage(&demand, cx.memory.wish()).map_err(WorkflowError::Storage)?;
     let beside = cx.demand.output.as_deref().and_then(std::path::Path::parent);
@@ -174,6 +177,14 @@ pub fn choose_storage(cx: &Context, model: &mut Model, matrix: MatrixDemand) -> 
     let chosen = ChosenStorage { plan, directory };
     let choice = format!("{kind}, {}", choice_text(chosen.choice()));
     model.plan.decide("form factors", choice, reason);
+    if cx.ranks.size() > 1 {
+        let why = format!(
+            "they share the work of form factors, passes and pictures; each of them holds all of the scene and the matrix: {}, of which {} are form factors",
+            byte_text(memory.total_byte()),
+            byte_text(memory.matrix_byte)
+        );
+        model.plan.revise("ranks", cx.ranks.size().to_string(), why);
+    }
     Ok(chosen)
 }
 
@@ -203,23 +214,25 @@ pub fn place_text(choice: StorageChoice<'_>) -> String {
     format!("{digits}, {place}")
 }
 
-/// Opens the checkpoint that is asked for, unless it is open: it belongs to the patches and the settings of the first form factors.
+/// Refuses ranks that would compute other form factors, and opens the checkpoint that is asked for, unless it is open: it belongs to the patches and the settings of the first form factors.
 ///
 /// Form factors of a later pose are a part of their own.
 pub(super) fn open_checkpoint(cx: &mut Context, model: &Model) -> Result<(), WorkflowError> {
-    let Some(path) = cx.checkpoint_file.clone() else {
-        return Ok(());
-    };
     let geometry = model.mesh.geometry_hash();
-    if let Some(checkpoint) = &cx.checkpoint {
-        checkpoint.begin_part(cx.demand.part, &Sha256::digest(geometry).into());
-        return Ok(());
-    }
     let mut key = Sha256::new();
-    key.update(geometry);
+    key.update(&geometry);
     key.update(env!("CARGO_PKG_VERSION"));
     for (name, value) in cx.settings.record() {
         key.update(format!("{name}={value};"));
     }
-    cx.open_checkpoint(&path, &key.finalize().into())
+    let key: [u8; 32] = key.finalize().into();
+    cx.expect_same("mesh, version or settings", &key)?;
+    let Some(path) = cx.checkpoint_file.clone() else {
+        return Ok(());
+    };
+    if let Some(checkpoint) = &cx.checkpoint {
+        checkpoint.begin_part(cx.demand.part, &Sha256::digest(geometry).into());
+        return Ok(());
+    }
+    cx.open_checkpoint(&path, &key)
 }

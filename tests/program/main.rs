@@ -18,6 +18,7 @@ mod pages;
 mod pictures;
 #[path = "../support/program.rs"]
 mod program;
+mod ranks;
 mod schema;
 #[path = "../support/sealed_room.rs"]
 mod sealed_room;

@@ -7,7 +7,7 @@ use serde_json::Value;
 use crate::program::succeed as run;
 
 /// Removes what is allowed to differ: times, memory, and what tells how many threads there were.
-fn without_measurements(value: &mut Value) {
+pub(crate) fn without_measurements(value: &mut Value) {
     match value {
         Value::Object(members) => {
             const MEASURED: [&str; 3] = ["stages", "memory_peak_bytes", "machine"];

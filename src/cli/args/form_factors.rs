@@ -223,6 +223,7 @@ impl MemoryArgs {
                 PrecisionName::F64 => Some(Precision::F64),
             },
             scratch: self.scratch.clone(),
+            ..Memory::default()
         }
     }
 }

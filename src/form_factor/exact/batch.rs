@@ -78,11 +78,11 @@ impl Batches<'_> {
 }
 
 impl Batches<'_> {
-    /// Returns whole runs of rows from the next one on, with their faces, until there is enough to do.
-    fn runs_of_batch(&self) -> Vec<(usize, usize)> {
+    /// Returns whole runs of rows from `first_row` on, with their faces, until there is enough to do.
+    pub(super) fn runs_of_batch(&self, first_row: usize) -> Vec<(usize, usize)> {
         let n = self.patches.len();
         let mut runs = Vec::new();
-        let (mut n_pairs, mut row) = (0, self.next_row);
+        let (mut n_pairs, mut row) = (0, first_row);
         let enough = pairs_per_batch(n);
         while row < n && n_pairs < enough {
             let f = self.patches.face_of_patch[row];
@@ -98,11 +98,12 @@ impl Batches<'_> {
 
     /// Classifies the rows of a batch, and goes on to the row behind them.
     ///
-    /// Where every face is one patch, a batch may end anywhere, as no table depends on its rows: it ends when it has taken long enough, so that what is finished is kept.
+    /// Where every face is one patch, a batch may end anywhere, as no table depends on its rows: it ends when it has taken long enough, so that what is finished is kept, unless ranks share the batches.
     fn classified_batch(&mut self) -> Vec<Strip> {
-        let runs = self.runs_of_batch();
+        let runs = self.runs_of_batch(self.next_row);
         let (begun, first_row) = (Instant::now(), self.next_row);
-        let may_end_anywhere = runs.iter().all(|&(f, _)| self.patches.faces[f].range().len() == 1);
+        let may_end_anywhere =
+            self.end.is_none() && runs.iter().all(|&(f, _)| self.patches.faces[f].range().len() == 1);
         let mut n_at_once = if may_end_anywhere {
             rayon::current_num_threads()
         } else {
@@ -147,7 +148,7 @@ impl Batches<'_> {
 }
 
 impl Iterator for Batches<'_> {
-    type Item = (Vec<RowTile>, PairCounts);
+    type Item = Piece;
 
     fn next(&mut self) -> Option<Self::Item> {
         let n = self.patches.len();
@@ -160,12 +161,13 @@ impl Iterator for Batches<'_> {
             n,
             is_upper: true,
         };
-        if let Some(piece) = kept::take(self.progress, first_row as u64, part, |end| self.is_between_runs(end)) {
+        let is_end = |end: usize| self.end.map_or_else(|| self.is_between_runs(end), |right| right == end);
+        if let Some(piece) = kept::take(self.progress, first_row as u64, part, is_end) {
             let n_rows: usize = piece.tiles.iter().map(RowTile::n_rows).sum();
             let rows = self.next_row..n.min(self.next_row + n_rows);
             self.next_row = rows.end;
             self.progress.advance(rows.map(|i| (n - 1 - i) as u64).sum());
-            return Some((piece.tiles, piece.counts));
+            return Some(piece);
         }
         self.journal.begin(first_row as u64);
         let mut strips = self.classified_batch();
@@ -195,7 +197,7 @@ impl Iterator for Batches<'_> {
             tolerance_met: counts.tolerance_met(),
         };
         kept::keep(self.progress, first_row as u64, &piece);
-        Some((piece.tiles, counts))
+        Some(piece)
     }
 }
 

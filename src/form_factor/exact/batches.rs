@@ -48,6 +48,8 @@ pub(super) struct Batches<'a> {
     /// The pairs of two faces that are computed together, of the faces whose rows are being computed.
     pub(super) tables: HashMap<[usize; 2], Table>,
     pub(super) next_row: usize,
+    /// Where the next batch ends, if ranks share them.
+    pub(super) end: Option<usize>,
     pub(super) journal: Journal<'a>,
 }
 
@@ -138,6 +140,7 @@ impl<'a> Batches<'a> {
             grid_tables: HashMap::new(),
             tables: HashMap::new(),
             next_row: 0,
+            end: None,
             journal: Journal::new(progress),
         }
     }

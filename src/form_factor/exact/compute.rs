@@ -3,6 +3,7 @@
 use super::batch::batch_byte;
 use super::batches::Batches;
 use super::method::ExactMethod;
+use crate::form_factor::kept::Piece;
 use crate::form_factor::{Before, Computed, FormFactorError, FormFactorMethod, Input, PairCounts};
 use crate::matrix::{FormFactors, StorageChoice};
 use crate::progress::{Forecast, Progress};
@@ -62,12 +63,22 @@ impl ExactMethod {
         if let Some(forecast) = batches.forecast(input, false) {
             progress.forecast(&forecast);
         }
-        let upper = batches.flat_map(|(tiles, of_batch)| {
-            counts = counts.plus(of_batch);
-            tiles
+        let mut is_stopped = false;
+        let pieces: Box<dyn Iterator<Item = Piece>> = if progress.ranks().size() == 1 {
+            Box::new(batches)
+        } else {
+            let shared = batches.shared(storage.place.waiting_byte());
+            Box::new(shared.map_while(|piece| {
+                is_stopped = piece.is_none();
+                piece
+            }))
+        };
+        let upper = pieces.flat_map(|piece| {
+            counts = counts.plus(piece.counts);
+            piece.tiles
         });
         let factors = FormFactors::from_exchange_tiles(input.mesh.areas(), upper, storage);
-        if progress.is_cancelled() {
+        if is_stopped || progress.is_cancelled() {
             return Err(FormFactorError::Interrupted);
         }
         if let Some(before) = before {

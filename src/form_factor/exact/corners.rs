@@ -123,6 +123,7 @@ impl CornerSums {
     }
 
     /// Returns whether the rows of some patches are there.
+    #[cfg(test)]
     pub(super) fn covers(&self, rows: &Range<usize>) -> bool {
         self.rows.start <= rows.start && rows.end <= self.rows.end
     }

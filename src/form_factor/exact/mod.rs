@@ -11,6 +11,7 @@ mod method;
 mod patches;
 mod row_tolerance;
 mod sample;
+mod shared;
 mod split;
 mod stated;
 mod table;

@@ -9,6 +9,7 @@ use super::method::ExactMethod;
 use crate::form_factor::{ComputeResult, Computed, FormFactorError, FormFactorMethod, Input};
 use crate::matrix::{FormFactors, StorageChoice};
 use crate::progress::{Forecast, Progress};
+use crate::ranks::Ranks;
 use crate::setting::{Kind, Setting};
 
 /// The error that the sum of each row may have.
@@ -128,5 +129,9 @@ impl Progress for Unkept<'_> {
 
     fn opened(&self, checkpoint: &Path) {
         self.0.opened(checkpoint);
+    }
+
+    fn ranks(&self) -> &dyn Ranks {
+        self.0.ranks()
     }
 }

@@ -66,7 +66,8 @@ impl Batches<'_> {
                 self.pairs_s(&samples[k].strip, tolerance)
             });
             let of_run = looked_s + mean(&times)?;
-            Some(of_run * runs.len() as f64 / rayon::current_num_threads() as f64)
+            let n_threads = rayon::current_num_threads() * self.progress.ranks().size();
+            Some(of_run * runs.len() as f64 / n_threads as f64)
         };
         let asked = self.method.tolerance;
         let mut forecast = Forecast {

@@ -12,21 +12,26 @@ pub(super) const MIN_PAIRS: usize = 16;
 /// Pairs of two faces, computed together.
 pub(super) enum Table {
     Repeats(Repeats),
-    Corners(CornerSums),
+    /// Of these rows of a batch.
+    Corners(CornerSums, Range<usize>),
 }
 
 impl Table {
-    pub(super) fn covers(&self, rows: &Range<usize>) -> bool {
+    /// Tells whether it holds these rows of a batch, to the bits of a table that is made for them.
+    ///
+    /// Sums over corners hold more rows than they are made for: whole ones of a grid. The last bits depend on where these begin, and a batch may be the first of a run that goes on from a
+    /// checkpoint, or of a rank. So none is kept for the next batch.
+    pub(super) fn is_of(&self, rows: &Range<usize>) -> bool {
         match self {
             Self::Repeats(_) => true,
-            Self::Corners(sums) => sums.covers(rows),
+            Self::Corners(_, own) => own == rows,
         }
     }
 
     pub(super) fn get(&self, i: usize, j: usize) -> Exchange {
         match self {
             Self::Repeats(repeats) => repeats.get(i, j),
-            Self::Corners(sums) => sums.get(i, j),
+            Self::Corners(sums, _) => sums.get(i, j),
         }
     }
 }

@@ -65,7 +65,7 @@ impl Batches<'_> {
         self.find_grid_tables(rows.start, faces, views);
         let mut tables = std::mem::take(&mut self.tables);
         // What does not hold these rows goes first: perhaps nothing takes its place.
-        tables.retain(|[f, _], table| of_batch.contains(f) && table.covers(&self.rows_of(*f, rows)));
+        tables.retain(|[f, _], table| of_batch.contains(f) && table.is_of(&self.rows_of(*f, rows)));
         let patches = &self.patches;
         let missing: Vec<[usize; 2]> = faces
             .clone()
@@ -119,6 +119,7 @@ impl Batches<'_> {
             return None;
         }
         let grid = |lattice: &Lattice, range: Range<usize>| PatchGrid::new(&self.patches, lattice, range);
-        CornerSums::new(&grid(from, own)?, &grid(to, other)?, most).map(Table::Corners)
+        let sums = CornerSums::new(&grid(from, own.clone())?, &grid(to, other)?, most)?;
+        Some(Table::Corners(sums, own))
     }
 }

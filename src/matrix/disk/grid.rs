@@ -5,11 +5,11 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::tile_file::{Band, Part, TileFile, visit_nothing_known};
-use crate::matrix::backend::Backend;
+use crate::matrix::backend::{Backend, share_of};
 use crate::matrix::choice::{Place, Precision, Scratch, StorageChoice};
 use crate::matrix::error::{DiskError, MatrixError};
 use crate::matrix::kernel::scalar::{Scalar, rounded};
-use crate::matrix::kernel::sizes::{SIDE, for_each_block};
+use crate::matrix::kernel::sizes::{SIDE, block_rows, for_each_block};
 use crate::matrix::operator::Block;
 use crate::matrix::square::{Placed, Square};
 use crate::matrix::tile::{Entry, RowTile, index, is_zero};
@@ -66,6 +66,28 @@ pub(in crate::matrix) fn squares<T: Scalar>(
     let square =
         |(k, entries): (usize, &Vec<_>)| Square::new(entries, &rows, &(k * SIDE..n.min((k + 1) * SIDE)), choice.layout);
     Ok(tiles.iter().enumerate().map(square).collect())
+}
+
+impl<T: Scalar> Grid<T> {
+    /// Sets `y` to the products of some rows of tiles, from the one `first` on, with x.
+    fn apply_from(&self, first: usize, x: &Block, y: &mut [f64]) {
+        let n_channels = x.n_channels();
+        let n_terms = x.n_rows() * x.n_rows() * n_channels;
+        let blocks: Vec<(usize, &mut [f64])> = y.chunks_mut(SIDE * n_channels).enumerate().collect();
+        threads::for_each(threads::pay(n_terms), blocks, |(k, sums)| {
+            let own = first + k;
+            sums.fill(0.0);
+            let result = self.0.for_each_tile(own, Part::Numbers, |block, tile| {
+                let x_from = &x.values()[block * SIDE * n_channels..];
+                for (row, sum) in sums.chunks_exact_mut(n_channels).enumerate() {
+                    tile.add_row(row, None, 1.0, x_from, sum);
+                }
+            });
+            if self.0.note(result).is_none() {
+                sums.fill(f64::NAN);
+            }
+        });
+    }
 }
 
 impl<T: Scalar> Backend for Grid<T> {
@@ -126,21 +148,23 @@ impl<T: Scalar> Backend for Grid<T> {
     }
 
     fn apply(&self, x: &Block, y: &mut Block) {
-        let n_channels = x.n_channels();
-        let n_terms = x.n_rows() * x.n_rows() * n_channels;
-        let blocks: Vec<(usize, &mut [f64])> = y.values_mut().chunks_mut(SIDE * n_channels).enumerate().collect();
-        threads::for_each(threads::pay(n_terms), blocks, |(own, sums)| {
-            sums.fill(0.0);
-            let result = self.0.for_each_tile(own, Part::Numbers, |block, tile| {
-                let x_from = &x.values()[block * SIDE * n_channels..];
-                for (row, sum) in sums.chunks_exact_mut(n_channels).enumerate() {
-                    tile.add_row(row, None, 1.0, x_from, sum);
-                }
-            });
-            if self.0.note(result).is_none() {
-                sums.fill(f64::NAN);
-            }
-        });
+        self.apply_from(0, x, y.values_mut());
+    }
+
+    fn share_of_pass(&self, x: &Block, rank: usize, n_ranks: usize) -> Vec<f64> {
+        let (n, blocks) = (x.n_rows(), share_of(block_rows(x.n_rows()).len(), rank, n_ranks));
+        let n_own = n.min(blocks.end * SIDE) - n.min(blocks.start * SIDE);
+        let mut sums = vec![0.0; n_own * x.n_channels()];
+        self.apply_from(blocks.start, x, &mut sums);
+        sums
+    }
+
+    fn end_pass(&self, shares: &[f64], y: &mut Block) {
+        y.values_mut().copy_from_slice(shares);
+    }
+
+    fn pass_byte(&self) -> usize {
+        self.stored_byte()
     }
 
     fn n_nonzero(&self) -> usize {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::choose::store;
 use super::store::Store;
-use crate::matrix::backend::Backend;
+use crate::matrix::backend::{Backend, share_of};
 use crate::matrix::choice::StorageChoice;
 use crate::matrix::error::MatrixError;
 use crate::matrix::kernel::planes::Planes;
@@ -45,6 +45,36 @@ impl Rows {
     }
 }
 
+impl Rows {
+    /// Returns the rows of each task of a pass, with the number of their tile.
+    fn tasks(&self, n_rows: usize) -> Vec<(usize, Range<usize>)> {
+        let mut tasks = Vec::with_capacity(n_rows / ROWS_PER_TASK + self.tiles.len());
+        for (k, &first) in self.first_rows.iter().enumerate() {
+            let end = self.first_rows.get(k + 1).copied().unwrap_or(n_rows);
+            let starts = (first..end).step_by(ROWS_PER_TASK);
+            tasks.extend(starts.map(|begin| (k, begin..end.min(begin + ROWS_PER_TASK))));
+        }
+        tasks
+    }
+
+    /// Sets `y` to the products of the rows of some tasks with x.
+    fn apply_tasks(&self, tasks: &[(usize, Range<usize>)], x: &Block, y: &mut [f64]) {
+        let planes = Planes::of(x);
+        let mut rest = y;
+        let mut with_sums = Vec::with_capacity(tasks.len());
+        for (k, rows) in tasks {
+            let (sums, after) = rest.split_at_mut(rows.len() * x.n_channels());
+            rest = after;
+            with_sums.push((&self.tiles[*k], rows.start - self.first_rows[*k], rows.start, sums));
+        }
+        let n_terms = x.n_channels() * self.tiles.iter().map(|tile| tile.n_stored()).sum::<usize>();
+        let pay = threads::pay_for_pass(n_terms, self.pass_byte());
+        threads::for_each(pay, with_sums, |(tile, row, i, sums)| {
+            tile.apply(row, i, x, &planes, sums);
+        });
+    }
+}
+
 impl Backend for Rows {
     fn for_each(&self, i: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
         let (tile, row) = self.locate(i);
@@ -52,24 +82,23 @@ impl Backend for Rows {
     }
 
     fn apply(&self, x: &Block, y: &mut Block) {
-        let (n_rows, n_channels) = (x.n_rows(), x.n_channels());
-        let planes = Planes::of(x);
-        let mut tasks = Vec::with_capacity(n_rows / ROWS_PER_TASK + self.tiles.len());
-        let mut rest = y.values_mut();
-        for (k, (tile, &first)) in self.tiles.iter().zip(&self.first_rows).enumerate() {
-            let end = self.first_rows.get(k + 1).copied().unwrap_or(n_rows);
-            for begin in (first..end).step_by(ROWS_PER_TASK) {
-                let n_sums = ROWS_PER_TASK.min(end - begin);
-                let (sums, after) = rest.split_at_mut(n_sums * n_channels);
-                rest = after;
-                tasks.push((tile, begin - first, begin, sums));
-            }
-        }
-        let n_terms = n_channels * self.tiles.iter().map(|tile| tile.n_stored()).sum::<usize>();
-        let n_byte = self.tiles.iter().map(|tile| tile.pass_byte()).sum();
-        threads::for_each(threads::pay_for_pass(n_terms, n_byte), tasks, |(tile, row, i, sums)| {
-            tile.apply(row, i, x, &planes, sums);
-        });
+        self.apply_tasks(&self.tasks(x.n_rows()), x, y.values_mut());
+    }
+
+    fn share_of_pass(&self, x: &Block, rank: usize, n_ranks: usize) -> Vec<f64> {
+        let tasks = self.tasks(x.n_rows());
+        let own = &tasks[share_of(tasks.len(), rank, n_ranks)];
+        let mut sums = vec![0.0; own.iter().map(|(_, rows)| rows.len()).sum::<usize>() * x.n_channels()];
+        self.apply_tasks(own, x, &mut sums);
+        sums
+    }
+
+    fn end_pass(&self, shares: &[f64], y: &mut Block) {
+        y.values_mut().copy_from_slice(shares);
+    }
+
+    fn pass_byte(&self) -> usize {
+        self.tiles.iter().map(|tile| tile.pass_byte()).sum()
     }
 
     fn dot_off_diagonal(&self, i: usize, x: &Block, sum: &mut [f64]) -> f64 {

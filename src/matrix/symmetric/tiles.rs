@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::pass::{PassSums, PieceOfY};
 use crate::in_order::{InOrder, by_turns};
-use crate::matrix::backend::Backend;
+use crate::matrix::backend::{Backend, share_of};
 use crate::matrix::choice::{Layout, Place, Precision, StorageChoice};
 use crate::matrix::disk::{Band, Part, TileFile, visit_nothing_known};
 use crate::matrix::error::{DiskError, MatrixError};
@@ -249,6 +249,34 @@ impl<T: Scalar> Tiles<T> {
         }
         sums.finish()
     }
+
+    /// Sets y to the sums of what all pieces add to it, in their order.
+    fn add_up(&self, parts: &[PieceOfY], y: &mut Block) {
+        let n_channels = y.n_channels();
+        let tasks: Vec<(usize, &mut [f64])> = y
+            .values_mut()
+            .chunks_mut(SUMS_PER_TASK * n_channels)
+            .enumerate()
+            .collect();
+        threads::for_each(
+            threads::pay(self.n * parts.len() * n_channels),
+            tasks,
+            |(task, y_rows)| {
+                let begin = task * SUMS_PER_TASK;
+                let rows = begin..begin + y_rows.len() / n_channels;
+                for c in 0..n_channels {
+                    let mut sums = [0.0; SUMS_PER_TASK];
+                    for part in parts {
+                        part.add_to(&mut sums, &rows, c);
+                    }
+                    let sums = sums.iter().zip(&self.row_factors[rows.clone()]);
+                    for (row, (sum, factor)) in y_rows.chunks_exact_mut(n_channels).zip(sums) {
+                        row[c] = sum * factor;
+                    }
+                }
+            },
+        );
+    }
 }
 
 impl<T: Scalar> Backend for Tiles<T> {
@@ -292,34 +320,37 @@ impl<T: Scalar> Backend for Tiles<T> {
     }
 
     fn apply(&self, x: &Block, y: &mut Block) {
-        let n_channels = x.n_channels();
         let planes = Planes::of(x);
         let pieces = pieces(self.n);
-        let pay = threads::pay_for_pass(self.n * self.n * n_channels, self.pass_byte);
+        let pay = threads::pay_for_pass(self.n * self.n * x.n_channels(), self.pass_byte);
         let parts = threads::map(pay, pieces.len(), |k| self.apply_piece(pieces[k].clone(), &planes));
-        let tasks: Vec<(usize, &mut [f64])> = y
-            .values_mut()
-            .chunks_mut(SUMS_PER_TASK * n_channels)
-            .enumerate()
+        self.add_up(&parts, y);
+    }
+
+    fn share_of_pass(&self, x: &Block, rank: usize, n_ranks: usize) -> Vec<f64> {
+        let planes = Planes::of(x);
+        let pieces = pieces(self.n);
+        let own = &pieces[share_of(pieces.len(), rank, n_ranks)];
+        let pay = threads::pay_for_pass(self.n * self.n * x.n_channels(), self.pass_byte);
+        let parts = threads::map(pay, own.len(), |k| self.apply_piece(own[k].clone(), &planes));
+        parts.iter().flat_map(|part| part.numbers(self.n)).collect()
+    }
+
+    fn end_pass(&self, shares: &[f64], y: &mut Block) {
+        let mut rest = shares;
+        let parts: Vec<PieceOfY> = pieces(self.n)
+            .into_iter()
+            .map(|piece| {
+                let part;
+                (part, rest) = PieceOfY::from_numbers(piece.start * SIDE, self.n, y.n_channels(), rest);
+                part
+            })
             .collect();
-        threads::for_each(
-            threads::pay(self.n * parts.len() * n_channels),
-            tasks,
-            |(task, y_rows)| {
-                let begin = task * SUMS_PER_TASK;
-                let rows = begin..begin + y_rows.len() / n_channels;
-                for c in 0..n_channels {
-                    let mut sums = [0.0; SUMS_PER_TASK];
-                    for part in &parts {
-                        part.add_to(&mut sums, &rows, c);
-                    }
-                    let sums = sums.iter().zip(&self.row_factors[rows.clone()]);
-                    for (row, (sum, factor)) in y_rows.chunks_exact_mut(n_channels).zip(sums) {
-                        row[c] = sum * factor;
-                    }
-                }
-            },
-        );
+        self.add_up(&parts, y);
+    }
+
+    fn pass_byte(&self) -> usize {
+        self.pass_byte
     }
 
     fn row_factors(&self) -> Option<&[f64]> {

@@ -1,0 +1,344 @@
+//! Several ranks under `mpirun`: the bytes of a run without it, one message and one exit code, and checkpoints that outlive a rank.
+
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+use serde_json::Value;
+
+use crate::program::{PROGRAM, names, radiosity, stderr, succeed, with_scene};
+use crate::threads::without_measurements;
+
+/// Tells whether the program is built with MPI, and says so where it is not.
+fn has_mpi() -> bool {
+    if !cfg!(feature = "mpi") {
+        eprintln!("skipped: ranks need a build with `--features mpi`");
+    }
+    cfg!(feature = "mpi")
+}
+
+/// Returns a command that runs a line of shell on so many ranks, each with the rank's number in `$PMI_RANK`.
+fn ranks(n: usize, at: &Path, shell: &str) -> Command {
+    let mut command = Command::new("mpirun");
+    command.current_dir(at).stdin(Stdio::null());
+    command.args(["-n", &n.to_string(), "bash", "-c", shell, PROGRAM]);
+    command
+}
+
+/// Runs the program on so many ranks, one thread each.
+fn on_ranks(n: usize, at: &Path, arguments: &[&str]) -> Output {
+    let all = [arguments, &["--threads", "1"]].concat();
+    ranks(n, at, "exec \"$0\" \"$@\"").args(all).output().unwrap()
+}
+
+/// Returns what a run prints as JSON, without measurements, and the files that it wrote, which are removed.
+fn results(at: &Path, output: &Output, files: &[&str]) -> (Value, Vec<Vec<u8>>) {
+    assert!(output.status.success(), "{}", stderr(output));
+    let mut document: Value = serde_json::from_slice(&output.stdout).unwrap();
+    without_measurements(&mut document);
+    let taken = |file: &&str| {
+        let bytes = std::fs::read(at.join(file)).unwrap();
+        std::fs::remove_file(at.join(file)).unwrap();
+        bytes
+    };
+    (document, files.iter().map(taken).collect())
+}
+
+/// Runs a command without MPI, and on 1, 2 and 3 ranks: all print and write the same.
+fn expect_equal(at: &Path, arguments: &[&str], files: &[&str]) {
+    let arguments = [arguments, &["--json"]].concat();
+    let expected = results(at, &radiosity(at, &arguments), files);
+    for n in 1..=3 {
+        let found = results(at, &on_ranks(n, at, &arguments), files);
+        assert_eq!(found.0, expected.0, "{arguments:?} on {n} ranks");
+        assert!(found.1 == expected.1, "{arguments:?} on {n} ranks: {files:?} differ");
+    }
+}
+
+#[test]
+fn form_factors_are_the_same_bytes_on_any_number_of_ranks() {
+    if !has_mpi() {
+        return;
+    }
+    for (scene, cut) in [("cube", "6"), ("room-box", "5"), ("crater", "1")] {
+        let directory = with_scene(scene);
+        let at = directory.path();
+        let cut = ["form-factors", "scene.obj", "--subdivide", cut];
+        let exact = ["--tolerance", "1e-4", "-o", "F.npz"];
+        expect_equal(at, &[&cut[..], &exact].concat(), &["F.npz"]);
+        for method in ["sr", "qmc"] {
+            expect_equal(
+                at,
+                &[&cut[..], &["--method", method, "-o", "F.npz"]].concat(),
+                &["F.npz"],
+            );
+        }
+    }
+    // Batches of `exact` that end within a row of a grid.
+    let directory = with_scene("room-box");
+    let at = directory.path();
+    let cut = [
+        "form-factors",
+        "scene.obj",
+        "--subdivide",
+        "20",
+        "--tolerance",
+        "1e-2",
+        "-o",
+        "F.npz",
+        "--json",
+    ];
+    let expected = results(at, &radiosity(at, &cut), &["F.npz"]);
+    assert!(results(at, &on_ranks(2, at, &cut), &["F.npz"]) == expected);
+    // Many rows of tiles, in f32, and rows that are balanced.
+    let directory = with_scene("room-box");
+    let at = directory.path();
+    let cut = ["form-factors", "scene.obj", "--subdivide", "9", "--precision", "f32"];
+    let symmetric = [
+        "--method",
+        "sr",
+        "--rays",
+        "64",
+        "--storage",
+        "symmetric",
+        "-o",
+        "F.npz",
+    ];
+    expect_equal(at, &[&cut[..], &symmetric].concat(), &["F.npz"]);
+    let rows = ["--row-tolerance", "1e-2", "-o", "F.npz"];
+    expect_equal(at, &[&cut[..], &rows].concat(), &["F.npz"]);
+}
+
+#[test]
+fn light_and_pictures_are_the_same_bytes_on_any_number_of_ranks() {
+    if !has_mpi() {
+        return;
+    }
+    let directory = with_scene("room-box");
+    let at = directory.path();
+    let solve = [
+        "solve",
+        "scene.obj",
+        "--subdivide",
+        "5",
+        "--form-factor-tolerance",
+        "1e-4",
+        "-o",
+        "B.csv",
+    ];
+    for solver in ["auto", "gauss-seidel", "multigrid", "gmres"] {
+        expect_equal(at, &[&solve[..], &["--solver", solver]].concat(), &["B.csv"]);
+    }
+    let render = [
+        "render",
+        "scene.obj",
+        "--subdivide",
+        "3",
+        "--width",
+        "80",
+        "--height",
+        "70",
+        "-o",
+        "p.exr",
+    ];
+    expect_equal(at, &render, &["p.exr", "p.png"]);
+    let gather = [
+        "--final-gather",
+        "--noise",
+        "0.2",
+        "--samples",
+        "2",
+        "--checkpoint",
+        "c",
+    ];
+    expect_equal(at, &[&render[..], &gather].concat(), &["p.exr", "p.png"]);
+    let unstored = ["--on-the-fly", "--method", "sr", "--rays", "64", "--solver", "jacobi"];
+    let solve = ["solve", "scene.obj", "--subdivide", "3", "-o", "B.csv"];
+    expect_equal(at, &[&solve[..], &unstored].concat(), &["B.csv"]);
+    let frames = "[[frame]]\nname = \"a\"\n[[frame]]\nname = \"b\"\n[[frame.move]]\nsurface = \"box_z1\"\ntranslate = [0.0, 0.0, 0.1]\n";
+    std::fs::write(at.join("f.toml"), frames).unwrap();
+    let files = ["p-a.exr", "p-b.exr", "p-a.png", "p-b.png"];
+    expect_equal(
+        at,
+        &[&render[..], &["--frames", "f.toml", "--checkpoint", "c"]].concat(),
+        &files,
+    );
+    let cube = with_scene("cube");
+    let at = cube.path();
+    let surface = |name: &str, kelvin: u32| {
+        format!("[[surface]]\nname = \"{name}\"\nemissivity = 0.8\ntemperature_k = {kelvin}.0\n")
+    };
+    std::fs::write(at.join("b.toml"), surface("x0", 400) + &surface("*", 300)).unwrap();
+    expect_equal(
+        at,
+        &[
+            "heat",
+            "scene.obj",
+            "--boundary",
+            "b.toml",
+            "--subdivide",
+            "3",
+            "-o",
+            "T.csv",
+        ],
+        &["T.csv"],
+    );
+}
+
+/// One line, whatever went wrong on all ranks or on one, and one exit code.
+#[test]
+fn an_error_is_one_message_and_one_exit_code() {
+    if !has_mpi() {
+        return;
+    }
+    let directory = with_scene("cube");
+    let at = directory.path();
+    let cases: [(&[&str], i32, &str); 5] = [
+        (&["solve", "none.obj"], 1, "none.obj"),
+        (&["solve", "scene.obj", "--solver", "none"], 2, "none"),
+        (&["form-factors", "scene.obj", "--time-limit", "9s"], 2, "--time-limit"),
+        (&["points", "scene.obj", "p.csv", "-o", "q.csv"], 2, "`points`"),
+        (&["compare", "scene.obj", "-o", "d"], 2, "`compare`"),
+    ];
+    for (arguments, code, part) in cases {
+        let output = on_ranks(3, at, arguments);
+        let lines = stderr(&output);
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {lines}");
+        let own = lines.lines().filter(|line| line.starts_with("radiosity:"));
+        assert_eq!(own.count(), 1, "{arguments:?}: {lines}");
+        assert!(lines.contains(part), "{arguments:?}: {lines}");
+        assert!(output.stdout.is_empty(), "{arguments:?}");
+    }
+    // On one rank alone: it speaks, and the others end.
+    let output = ranks(
+        3,
+        at,
+        "if [ $PMI_RANK = 1 ]; then cd /; fi; exec \"$0\" form-factors scene.obj -o F.npz",
+    )
+    .output();
+    let output = output.unwrap();
+    let lines = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{lines}");
+    let own: Vec<&str> = lines.lines().filter(|line| line.starts_with("radiosity:")).collect();
+    assert!(
+        matches!(own[..], [only] if only.contains("rank 1") && only.contains("scene.obj")),
+        "{lines}"
+    );
+    assert!(!names(at).contains(&"F.npz".to_owned()));
+}
+
+#[test]
+fn ranks_with_different_scenes_are_refused() {
+    if !has_mpi() {
+        return;
+    }
+    let directory = with_scene("cube");
+    let at = directory.path();
+    succeed(at, &["scene", "room-box", "-o", "other.obj"]);
+    let shell =
+        "file=scene.obj; if [ $PMI_RANK = 2 ]; then file=other.obj; fi; exec \"$0\" form-factors $file -o F.npz";
+    let output = ranks(3, at, shell).output().unwrap();
+    let lines = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{lines}");
+    assert!(
+        lines.contains("rank 2 on") && lines.contains("another scene"),
+        "{lines}"
+    );
+    assert!(!names(at).contains(&"F.npz".to_owned()));
+}
+
+/// A rank is killed while form factors are computed: all end, no file is half-written, and runs on other numbers of ranks go on to the same bytes.
+#[test]
+fn a_killed_rank_ends_all_and_a_later_run_goes_on() {
+    if !has_mpi() {
+        return;
+    }
+    let directory = with_scene("room-box");
+    let at = directory.path();
+    let work = [
+        "form-factors",
+        "scene.obj",
+        "--subdivide",
+        "10",
+        "--tolerance",
+        "1e-7",
+        "-o",
+        "F.npz",
+    ];
+    let kept = [&work[..], &["--checkpoint", "c", "--threads", "1"]].concat();
+    succeed(at, &work);
+    let expected = std::fs::read(at.join("F.npz")).unwrap();
+    std::fs::remove_file(at.join("F.npz")).unwrap();
+    for n_after in [1, 2, 3] {
+        let mut command = ranks(2, at, "echo $$ >pid.$PMI_RANK; exec \"$0\" \"$@\"");
+        let mut child = command
+            .args(&kept)
+            .stderr(Stdio::null())
+            .stdout(Stdio::null())
+            .spawn()
+            .unwrap();
+        let length = || at.join("c.1").metadata().map_or(0, |found| found.len());
+        while length() < 1000 {
+            assert!(child.try_wait().unwrap().is_none(), "it ended before it was killed");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        let pid = std::fs::read_to_string(at.join("pid.1")).unwrap();
+        assert!(
+            Command::new("kill")
+                .args(["-9", pid.trim()])
+                .status()
+                .unwrap()
+                .success()
+        );
+        assert!(!child.wait().unwrap().success());
+        assert_eq!(names(at), ["c.0", "c.1", "pid.0", "pid.1", "scene.mtl", "scene.obj"]);
+        let n_kept = length();
+        let output = if n_after == 1 {
+            radiosity(at, &kept)
+        } else {
+            on_ranks(n_after, at, &kept[..kept.len() - 2])
+        };
+        assert!(output.status.success(), "{}", stderr(&output));
+        assert!(n_kept >= 1000);
+        assert!(
+            std::fs::read(at.join("F.npz")).unwrap() == expected,
+            "on {n_after} ranks"
+        );
+        assert_eq!(names(at), ["F.npz", "pid.0", "pid.1", "scene.mtl", "scene.obj"]);
+        std::fs::remove_file(at.join("F.npz")).unwrap();
+    }
+}
+
+/// Launchers tell ranks by variables: a build that cannot share work says so once, and computes nothing.
+#[cfg(not(feature = "mpi"))]
+#[test]
+fn a_build_without_mpi_refuses_several_ranks() {
+    let directory = with_scene("cube");
+    let at = directory.path();
+    for [size, rank] in [
+        ["PMI_SIZE", "PMI_RANK"],
+        ["OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"],
+    ] {
+        let on = |n: &str, own: &str| {
+            let mut command = Command::new(PROGRAM);
+            command.current_dir(at).env(size, n).env(rank, own);
+            command
+                .args(["form-factors", "scene.obj", "-o", "F.npz"])
+                .output()
+                .unwrap()
+        };
+        for own in ["0", "1"] {
+            let output = on("2", own);
+            assert_eq!(output.status.code(), Some(2));
+            let lines = stderr(&output);
+            assert_eq!(lines.lines().count(), usize::from(own == "0"), "{lines}");
+            assert!(
+                own == "1" || lines.contains("2 ranks") && lines.contains("--features mpi"),
+                "{lines}"
+            );
+        }
+        assert!(!names(at).contains(&"F.npz".to_owned()));
+        assert!(on("1", "0").status.success());
+        std::fs::remove_file(at.join("F.npz")).unwrap();
+    }
+}
