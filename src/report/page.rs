@@ -82,8 +82,8 @@ impl Page<'_> {
         });
         let mut body = String::new();
         html::push_html(&mut body, as_text);
-        body.replace("<th>", "<th scope=\"col\">")
-            .replace("<th ", "<th scope=\"col\" ")
+        body.replace("<th ", "<th scope=\"col\" ")
+            .replace("<th>", "<th scope=\"col\">")
             .replace(
                 "<table>",
                 "<div class=\"wide\" role=\"region\" aria-label=\"table\" tabindex=\"0\"><table>",
