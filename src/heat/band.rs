@@ -112,7 +112,7 @@ impl Enclosure<'_> {
         let known = self.gain.iter().zip(self.factors.areas());
         known
             .zip(sums)
-            .map(|((gain, area), (own, mixed))| gain + area * (own - mixed))
+            .map(|((gain, area), (own, now))| gain + area * (own - now))
             .collect()
     }
 

@@ -66,6 +66,9 @@ struct BandStudy {
     mesh_error: Option<MeshError>,
 }
 
+/// Returns the error of a study, from that of the light of a number.
+pub(super) type Refusal<'a> = dyn Fn(usize, HeatError, &Scene) -> WorkflowError + 'a;
+
 impl Model {
     /// Finds the temperatures and net fluxes of a scene with its boundary conditions.
     ///
@@ -92,7 +95,7 @@ impl Model {
         study: &FormFactorStudy,
         boundary: &Boundary,
         direct: &[DirectLight],
-        (request, refused): (&SolveRequest, &dyn Fn(usize, HeatError, &Scene) -> WorkflowError),
+        (request, refused): (&SolveRequest, &Refusal<'_>),
         cx: &mut Context,
     ) -> Result<Vec<HeatStudy>, WorkflowError> {
         let network =

@@ -288,10 +288,10 @@ fn stated_errors_cover_most_entries_and_no_miss_is_certain() {
     for (scene_name, scene, subdivide) in scenes().into_iter().filter(|(name, ..)| some.contains(name)) {
         for ((name, coverage), sum) in names.iter().zip(coverages(scene, subdivide, &names, 1)).zip(&mut all) {
             let [coverage, skies] = coverage.unwrap();
-            let [one, two] = skies.shares();
+            let [of_sky, twice] = skies.shares();
             assert!(
-                skies.n == 0 || one >= 0.68 && two >= 0.95,
-                "sky of {scene_name} {name}: {one} {two}"
+                skies.n == 0 || of_sky >= 0.68 && twice >= 0.95,
+                "sky of {scene_name} {name}: {of_sky} {twice}"
             );
             assert!(skies.worst < 5.0, "sky of {scene_name} {name}: {}", skies.worst);
             let ([one, two], median) = (coverage.shares(), coverage.median());
@@ -357,8 +357,8 @@ fn print_table(names: &[&str], what: &str, all: &[[Coverage; 2]], least: &[[[f64
     println!(
         "\n| method | {what} | within one | in the worst scene | within two | in the worst scene | median of stated / true | in the worst scene | worst true / stated |\n|---|---|---|---|---|---|---|---|---|"
     );
-    for ((name, coverage), least) in names.iter().zip(all).zip(least) {
-        let (coverage, [least_one, least_two, median]) = (&coverage[of], least[of]);
+    for ((name, coverage), in_worst) in names.iter().zip(all).zip(least) {
+        let (coverage, [least_one, least_two, median]) = (&coverage[of], in_worst[of]);
         let [one, two] = coverage.shares();
         println!(
             "| `{}` | {} | {one:.3} | {least_one:.3} | {two:.3} | {least_two:.3} | {:.2} | {median:.2} | {:.1} |",

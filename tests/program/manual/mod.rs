@@ -10,8 +10,11 @@ mod sources;
 
 use std::path::{Path, PathBuf};
 
-/// The generated pages and the function that makes each.
-const GENERATED: [(&str, fn() -> String); 3] = [
+/// A page and the function that makes it.
+type Generated = (&'static str, fn() -> String);
+
+/// The generated pages.
+const GENERATED: [Generated; 3] = [
     ("docs/flags.md", flags::page),
     ("docs/json.md", json::page),
     ("docs/sources.md", sources::page),
