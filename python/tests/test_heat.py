@@ -109,7 +109,7 @@ def test_values_may_be_arrays_over_patches(whole: bool) -> None:
 @pytest.mark.parametrize(
     ("boundary", "error", "message"),
     [
-        (conditions(temperature_k=[300.0] * 5), rd.HeatError, "5 values, where the surface has 1 patches and the scene 6"),
+        (conditions(temperature_k=[300.0] * 5), rd.HeatError, "5 values, where the surface has 1 patch and the scene 6"),
         (conditions(temperature_k=[300.0, -5.0]), rd.SceneError, "temperature_k: -5.0 is negative"),
         (conditions(temperature_k=np.ones((2, 2))), rd.ArgumentError, r"boundary\['surface'\]\['temperature_k'\]: shape"),
         (conditions(temperature_k=np.nan), rd.ArgumentError, "nan is not finite"),
