@@ -9,7 +9,10 @@
 //!
 //! Each of several ranks writes a file of its own, `FILE.0`, `FILE.1` and so on, and reads those of all ranks of earlier runs, however many there were: they are to be on a disk that all ranks share.
 
-use std::collections::{BTreeMap, BTreeSet};
+mod others;
+mod records;
+
+use std::collections::BTreeSet;
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -18,20 +21,8 @@ use std::sync::{Mutex, PoisonError};
 use thiserror::Error;
 
 use crate::ranks::Ranks;
-
-const LAYOUT: &[u8; 24] = b"radiosity checkpoint 02\n";
-
-/// Bytes of a file before its records.
-const HEAD: u64 = 56;
-
-/// Bytes of a record beside its content.
-const RECORD: u64 = 20;
-
-/// The bits of a piece's number within its part.
-const PIECE_BITS: u32 = 40;
-
-/// The piece that is the key of a part.
-const PART_KEY: u64 = (1 << PIECE_BITS) - 1;
+use others::{Other, file_of_rank, ranks_beside};
+use records::{HEAD, LAYOUT, PART_KEY, PIECE_BITS, Pieces, checksum, content, in_part, insert, whole_records};
 
 /// Why a checkpoint cannot be used.
 #[derive(Debug, Error)]
@@ -93,9 +84,6 @@ pub struct Checkpoint {
     state: Mutex<State>,
 }
 
-/// Where the content of each piece begins, and its length.
-type Pieces = BTreeMap<u64, (u64, u64)>;
-
 #[derive(Debug)]
 struct State {
     file: File,
@@ -108,57 +96,6 @@ struct State {
     part: u32,
     /// What went wrong first when a piece was to be kept; from then on none is.
     failed: Option<io::Error>,
-}
-
-/// A file that another rank writes or wrote, as it was when it was opened.
-#[derive(Debug)]
-struct Other {
-    path: PathBuf,
-    file: File,
-    pieces: Pieces,
-    /// True if no rank of this run writes it.
-    is_left: bool,
-}
-
-impl Other {
-    /// Opens a file if it is a checkpoint of the work that `key` stands for.
-    fn open(path: PathBuf, key: &[u8; 32], is_left: bool) -> Option<Self> {
-        let mut file = File::open(&path).ok()?;
-        let mut head = Vec::new();
-        (&mut file).take(HEAD).read_to_end(&mut head).ok()?;
-        if head != [&LAYOUT[..], key].concat() {
-            return None;
-        }
-        let (pieces, _) = whole_records(&mut file).ok()?;
-        Some(Self {
-            path,
-            file,
-            pieces,
-            is_left,
-        })
-    }
-}
-
-/// Returns the file of a rank of several.
-fn file_of_rank(path: &Path, rank: usize) -> PathBuf {
-    let mut name = path.as_os_str().to_owned();
-    name.push(format!(".{rank}"));
-    name.into()
-}
-
-/// Returns the ranks that have a file beside `path`, in ascending order.
-fn ranks_beside(path: &Path) -> Vec<usize> {
-    let Some(name) = path.file_name().and_then(|name| name.to_str()) else {
-        return Vec::new();
-    };
-    let entries = std::fs::read_dir(crate::whole_file::directory_of(path))
-        .into_iter()
-        .flatten();
-    let rank = |found: String| found.strip_prefix(name)?.strip_prefix('.')?.parse().ok();
-    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
-    let mut ranks: Vec<usize> = names.filter_map(rank).collect();
-    ranks.sort_unstable();
-    ranks
 }
 
 impl Checkpoint {
@@ -367,80 +304,6 @@ impl Checkpoint {
     fn state(&self) -> std::sync::MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
-
-/// Returns the content of a piece, or `None` if the file has none, or none that can be read as it was written.
-fn content(file: &mut File, pieces: &Pieces, k: u64) -> Option<Vec<u8>> {
-    let (start, length) = *pieces.get(&k)?;
-    // The length has been checked against the file's.
-    let mut content = vec![0; usize::try_from(length).ok()?];
-    let mut sum = [0; 4];
-    file.seek(SeekFrom::Start(start)).ok()?;
-    file.read_exact(&mut content).ok()?;
-    file.read_exact(&mut sum).ok()?;
-    (checksum(k, &content) == u32::from_le_bytes(sum)).then_some(content)
-}
-
-/// Returns the number of piece k of a part.
-fn in_part(part: u32, k: u64) -> u64 {
-    u64::from(part) << PIECE_BITS | k
-}
-
-/// Notes a record; the key of a part ends all that was known of it.
-fn insert(pieces: &mut Pieces, k: u64, place: (u64, u64)) {
-    if k & PART_KEY == PART_KEY {
-        let part = k >> PIECE_BITS;
-        pieces.retain(|other, _| other >> PIECE_BITS != part);
-    }
-    pieces.insert(k, place);
-}
-
-fn checksum(k: u64, content: &[u8]) -> u32 {
-    let mut hasher = crc32fast::Hasher::new();
-    hasher.update(&k.to_le_bytes());
-    hasher.update(&(content.len() as u64).to_le_bytes());
-    hasher.update(content);
-    hasher.finalize()
-}
-
-/// Returns where the content of every whole record begins and how long it is, and where the last one ends.
-fn whole_records(file: &mut File) -> io::Result<(Pieces, u64)> {
-    let file_byte = file.metadata()?.len();
-    let mut pieces = Pieces::new();
-    let mut end = HEAD;
-    file.seek(SeekFrom::Start(HEAD))?;
-    let mut reader = io::BufReader::with_capacity(1 << 16, file);
-    while file_byte - end >= RECORD {
-        let mut head = [0; 16];
-        reader.read_exact(&mut head)?;
-        let [k, length] = [0, 8].map(|at| {
-            let mut number = [0; 8];
-            number.copy_from_slice(&head[at..at + 8]);
-            u64::from_le_bytes(number)
-        });
-        if length > file_byte - end - RECORD {
-            break;
-        }
-        // Read through, not into memory: a record may be long, and a damaged one may claim to be.
-        let mut hasher = crc32fast::Hasher::new();
-        hasher.update(&head);
-        let mut left = length;
-        let mut buffer = [0; 1 << 14];
-        while left > 0 {
-            let n = usize::try_from(left.min(buffer.len() as u64)).unwrap_or(buffer.len());
-            reader.read_exact(&mut buffer[..n])?;
-            hasher.update(&buffer[..n]);
-            left -= n as u64;
-        }
-        let mut sum = [0; 4];
-        reader.read_exact(&mut sum)?;
-        if hasher.finalize() != u32::from_le_bytes(sum) {
-            break;
-        }
-        insert(&mut pieces, k, (end + 16, length));
-        end += RECORD + length;
-    }
-    Ok((pieces, end))
 }
 
 #[cfg(test)]

@@ -103,7 +103,7 @@ impl Enclosure<'_> {
 
     /// Returns the power that an `operator` R F makes for want of reciprocity, m², \[n\].
     ///
-    /// Σ_i A_i (R F)_ij is Σ_i A_i F_ij, as A R is symmetric with rows that sum to A for all that it mixes. What it changes are row sums: g_j = Σ_i A_i F_ij − A_j Σ_k (R F)_jk.
+    /// Σ_i A_i (R F)_ij is Σ_i A_i F_ij, as A R is symmetric with rows that sum to A for all that it mixes. Only row sums change: g_j = Σ_i A_i F_ij − A_j Σ_k (R F)_jk.
     pub(crate) fn gain_of(&self, operator: &dyn LinearOperator) -> Vec<f64> {
         let ones = Block::from_values(vec![1.0; self.sky.len()], 1);
         let mut mixed = Block::zeros(self.sky.len(), 1);

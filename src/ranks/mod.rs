@@ -10,6 +10,8 @@
 mod counter;
 mod in_turn;
 mod launch;
+#[cfg(any(test, feature = "mpi"))]
+mod parts;
 #[cfg(feature = "mpi")]
 mod world;
 

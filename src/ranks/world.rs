@@ -18,6 +18,7 @@ use mpi::traits::{Communicator as _, CommunicatorCollectives as _, Destination a
 use mpi::{Count, Rank, Threading};
 
 use super::counter::Counter;
+use super::parts::{parts, trailer};
 use super::{Claim, End, Ranks, Traffic, Verdict};
 
 /// How long the thread sleeps where there is nothing to do, after so many times without anything: passes of a solver follow one another closely, chunks of form factors do not.
@@ -29,12 +30,6 @@ const NAPS: [(u32, Duration); 3] = [
 
 /// How long a rank that failed waits for the others to end as well.
 const GRACE: Duration = Duration::from_secs(3);
-
-/// The bytes of a message at most: a count of MPI has 31 bits.
-const MAX_MESSAGE: usize = 1 << 30;
-
-/// The bytes at the end of a part of a result: piece of work, chunk, and whether more follow.
-const TRAILER: usize = 24;
 
 /// What messages are about.
 const RESULT: i32 = 1;
@@ -200,34 +195,6 @@ impl Ranks for World {
         std::thread::sleep(GRACE);
         std::process::exit(code.into())
     }
-}
-
-/// Cuts a result into messages.
-fn parts(work: u64, chunk: u64, mut result: Vec<u8>) -> Vec<Vec<u8>> {
-    let mut parts = Vec::new();
-    loop {
-        let rest = result.split_off(result.len().min(MAX_MESSAGE));
-        let more = u64::from(!rest.is_empty());
-        for number in [work, chunk, more] {
-            result.extend(number.to_le_bytes());
-        }
-        parts.push(result);
-        if more == 0 {
-            return parts;
-        }
-        result = rest;
-    }
-}
-
-/// Returns what [`parts`] put at the end of a message, and takes it off.
-fn trailer(part: &mut Vec<u8>) -> Option<[u64; 3]> {
-    let numbers = part.split_off(part.len().checked_sub(TRAILER)?);
-    let (numbers, []) = numbers.as_chunks::<8>() else {
-        return None;
-    };
-    <[[u8; 8]; 3]>::try_from(numbers)
-        .ok()
-        .map(|numbers| numbers.map(u64::from_le_bytes))
 }
 
 /// The thread that calls MPI.
@@ -554,7 +521,7 @@ impl Thread {
     /// Returns the length that each rank gives.
     fn lengths(&mut self, own: usize) -> Vec<Count> {
         self.meet();
-        let own = Count::try_from(own).unwrap_or(Count::MAX);
+        let own = Count::try_from(own).expect("MPI counts in 31 bits");
         let mut lengths = vec![0; self.size];
         self.world.all_gather_into(&own, &mut lengths[..]);
         lengths
@@ -566,7 +533,7 @@ impl Thread {
             .iter()
             .scan(0, |next: &mut Count, &length| {
                 let start = *next;
-                *next = next.saturating_add(length);
+                *next = next.checked_add(length).expect("MPI counts in 31 bits");
                 Some(start)
             })
             .collect();
@@ -584,22 +551,4 @@ impl Thread {
 /// Returns a number of MPI, which is not negative.
 fn at(number: i32) -> usize {
     usize::try_from(number).unwrap_or(0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_result_comes_back_from_its_parts() {
-        for n in [0, 1, 100] {
-            let result: Vec<u8> = (0..n).collect();
-            let [part] = &mut parts(7, 9, result.clone())[..] else {
-                panic!("one part");
-            };
-            assert_eq!(trailer(part), Some([7, 9, 0]));
-            assert_eq!(*part, result);
-        }
-        assert_eq!(trailer(&mut vec![0; TRAILER - 1]), None);
-    }
 }

@@ -24,7 +24,7 @@ pub struct Energy {
     pub escaped: f64,
     /// Σ A B b, W, with b_i the fraction of the light of patch i that black backs take; `None` where it is not known.
     pub absorbed_by_backs: Option<f64>,
-    /// Σ A B, W: all light under way.
+    /// Σ A B, W: the power that leaves all patches.
     #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
     pub leaving: f64,
 }

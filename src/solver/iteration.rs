@@ -106,7 +106,7 @@ pub(super) trait Iteration {
 ///
 /// When the running estimate meets the tolerance, the true residual is calculated with one more pass over F, and the iteration
 /// restarts from it where it does not meet the tolerance; two such checks in a row that differ by less than a factor of 2 end it as
-/// [`StopReason::Stagnated`], if the estimate is wrong by that factor as well and the method does not go by the light under way. Radiosities that meet the tolerance and are negative somewhere, though nothing emits less than nothing, are set to
+/// [`StopReason::Stagnated`], if the estimate is wrong by that factor as well and the method does not go by the unshot power. Radiosities that meet the tolerance and are negative somewhere, though nothing emits less than nothing, are set to
 /// E there; if they still meet the tolerance they are the solution, else the iteration goes on, and ends as [`StopReason::Diverged`] if it
 /// does not get far closer: B ≥ 0 with (I − diag(ρ) F) B = E ≥ 0 is what shows that the system is one of light (an M-matrix).
 /// Where rounding decides whether the tolerance is met, the residual is calculated with twice the digits. Where the tolerance is not met, the best radiosities of each channel are returned, not the last.
@@ -200,7 +200,7 @@ pub(super) fn run<I: Iteration>(
             let checked = worst(&tolerance.excess(&norms));
             let has_fallen = checked < checks.before;
             if claims {
-                // What goes by the light under way checks radiosities that are a reflection further than that light: the check may stay behind for long.
+                // A method that goes by the unshot power checks radiosities that are a reflection further than that power: the check may stay behind for long.
                 stagnated = checks.observe(checked, estimated, I::DRIFTS) && iteration.under_way().is_none();
             }
             goes_on = recorder.note(n_passes, 0.0, &norms, false, || iteration.radiosity()) && goes_on;

@@ -81,7 +81,7 @@ const LOW: f64 = 0.1;
 
 /// Returns where a receiver is cut for a low part of an occluder, given in the receiver's frame: below its edges, and across it at its corners.
 ///
-/// What it hides is greatest there, within its own height; where the target is as near, no discontinuity line tells the place.
+/// The hidden part is greatest there, within its own height; where the target is as near, no discontinuity line tells the place.
 pub(super) fn cuts(part: &[DVec3], diameter: f64) -> Vec<Event> {
     if part.len() < 3 || part.iter().any(|v| v.z > LOW * diameter) {
         return Vec::new();
