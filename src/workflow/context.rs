@@ -100,6 +100,13 @@ impl Context {
         }
     }
 
+    /// Returns a context for work that this one has no result of: with the same progress and memory, and with warnings and times of its own.
+    pub(super) fn aside(&self) -> Self {
+        let mut own = Self::new(Arc::clone(&self.progress));
+        own.memory = self.memory.clone();
+        own
+    }
+
     /// Tells each warning as soon as there is one, beside keeping it.
     #[must_use]
     pub fn on_warning(mut self, listener: impl Fn(&Warning) + 'static) -> Self {

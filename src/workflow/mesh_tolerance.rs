@@ -1,6 +1,6 @@
 //! The tolerance of form factors that the mesh is worth.
 
-use super::{Context, FormFactorRequest, FormFactorStudy, Memory, Model, SolveRequest, Use, WorkflowError};
+use super::{Context, FormFactorRequest, FormFactorStudy, Model, SolveRequest, Use, WorkflowError};
 use crate::form_factor::ROW_TOLERANCE;
 use crate::matrix::Need;
 use crate::mesh::{ContactEdges, Mesh, MeshOptions, Subdivision};
@@ -64,7 +64,7 @@ impl Model {
             return Ok(None);
         }
         drop(contact_edges);
-        let change = cx.time("mesh_tolerance", || self.change_of(options, request, &cx.memory));
+        let change = cx.time("mesh_tolerance", || self.change_of(options, request, cx.aside()));
         cx.go_on()?;
         let Some(change) = change else { return Ok(None) };
         let of_mesh = change / f64::from(COARSER * COARSER);
@@ -73,9 +73,7 @@ impl Model {
     }
 
     /// Returns the greatest change of a surface's mean radiosity by a quarter of the patches of a mesh; `None` where it is not known: the light itself is not kept back by that.
-    fn change_of(&self, options: MeshOptions, request: &FormFactorRequest, memory: &Memory) -> Option<f64> {
-        let mut cx = Context::default();
-        cx.memory = memory.clone();
+    fn change_of(&self, options: MeshOptions, request: &FormFactorRequest, mut cx: Context) -> Option<f64> {
         let mut coarse = Self::new(self.scene.clone(), &self.file, options, Use::Points, &mut cx).ok()?;
         let rough = FormFactorRequest {
             default_tolerance: COARSE_TOLERANCE,
