@@ -311,6 +311,9 @@ const PAST_BODIES: usize = 200;
 /// The least part of the error allowed that is stated there.
 const PAST_BODIES_SHARE: f64 = 0.02;
 
+/// What of the error allowed all cells together may state at the first look: nine pairs in ten then state less than 30 times their true errors, where these are a hundredth of the tolerance or more.
+const FIRST_SHARE: f64 = 0.3;
+
 /// The fraction of the unoccluded exchange area that a shadow between the seven sample points can hide.
 const UNSEEN: f64 = 0.15;
 
@@ -452,7 +455,7 @@ impl<'a> View<'a> {
             events.extend(layers::cuts(&in_frame, low.distance(high)));
         }
         let outer = self.outer();
-        let enough = 0.5 * goal / polygon_area(&outer);
+        let enough = FIRST_SHARE * goal / polygon_area(&outer);
         let cells = Cells::cut(
             outer,
             &events,
