@@ -76,6 +76,10 @@ pub enum Parameter {
     Scratch,
     /// The file of the result.
     Output,
+    /// The direction of the scene that is north, for a sun that is given by a place on Earth.
+    North,
+    /// The angular radius of the sun, in degrees.
+    AngularRadius,
     /// Whether tables are whole that are long.
     Full,
     /// A setting of methods or solvers.

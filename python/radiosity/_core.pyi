@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ids = NDArray[np.int64]
 Progress = Optional[Callable[[str, int, int], object]]
-Boundary = tuple[str, str]
+Boundary = tuple[Optional[list[tuple[str, str]]], str]
 
 __version__: str
 

@@ -27,35 +27,36 @@ Floats = NDArray[np.float64]
 Boundary = Union[str, "os.PathLike[str]", Mapping[str, Any]]
 
 
-def boundary_text(boundary: Boundary) -> tuple[str, str]:
-    """Returns boundary conditions as text in TOML with a name for messages, or no text and the name of their file."""
+def boundary_parts(boundary: Boundary) -> tuple[Optional[list[tuple[str, str]]], str]:
+    """Returns the entries of boundary conditions, each with its name in messages and its text in TOML, or none and the name of their file."""
     if not isinstance(boundary, Mapping):
-        return "", os.fspath(boundary)
-    lines: list[str] = []
+        return None, os.fspath(boundary)
+    parts: list[tuple[str, str]] = []
     for key, value in boundary.items():
         if key in ("surface", "node"):
-            for entry in _entries(key, value):
-                lines.append(f"[[{key}]]")
-                lines += _table(key, entry)
+            parts += [(name, _text(f"[[{key}]]", name, entry)) for name, entry in _entries(key, value)]
         elif isinstance(value, Mapping):
-            lines.append(f"[{key}]")
-            lines += _table(key, value)
+            name = f"boundary[{key!r}]"
+            parts.append((name, _text(f"[{json.dumps(str(key))}]", name, value)))
         else:
             raise ArgumentError(f"boundary[{key!r}]: expected a dict, found {type(value).__name__}")
-    return "\n".join(lines) + "\n", "boundary"
+    return parts, "boundary"
 
 
-def _entries(key: str, value: Any) -> list[Mapping[str, Any]]:
-    """Returns entries, from a list of them or from a dict by their names."""
-    if isinstance(value, Mapping):
-        return [{"name": name, **entry} for name, entry in value.items()]
+def _entries(key: str, value: Any) -> list[tuple[str, Mapping[str, Any]]]:
+    """Returns entries with their names in messages, from a list of them or from a dict by their own names."""
+    where = f"boundary[{key!r}]"
+    if isinstance(value, Mapping) and all(isinstance(entry, Mapping) for entry in value.values()):
+        return [(f"{where}[{name!r}]", {"name": name, **entry}) for name, entry in value.items()]
     if isinstance(value, Sequence) and all(isinstance(entry, Mapping) for entry in value):
-        return list(value)
-    raise ArgumentError(f"boundary[{key!r}]: expected a list of dicts, or a dict by names")
+        return [(f"{where}[{k}]", entry) for k, entry in enumerate(value)]
+    raise ArgumentError(f"{where}: expected a list of dicts, or a dict of dicts by names")
 
 
-def _table(where: str, table: Mapping[str, Any]) -> list[str]:
-    return [f"{json.dumps(str(key))} = {toml(f'boundary[{where!r}][{key!r}]', value)}" for key, value in table.items()]
+def _text(head: str, where: str, table: Mapping[str, Any]) -> str:
+    """Returns a table as TOML."""
+    rows = [f"{json.dumps(str(key))} = {toml(f'{where}[{key!r}]', value)}" for key, value in table.items()]
+    return "\n".join([head, *rows, ""])
 
 
 class Heat(Result[_core.Heat], Mapping[str, Floats]):

@@ -17,7 +17,7 @@ from ._arguments import surfaces as surface_array
 from ._errors import ArgumentError
 from ._factors import FormFactors
 from ._frames import Frames, frames_text
-from ._heat import Boundary, ExchangeFactors, Heat, PointViews, SunPath, boundary_text
+from ._heat import Boundary, ExchangeFactors, Heat, PointViews, SunPath, boundary_parts
 from ._image import Image
 from ._progress import Bar, Progress
 from ._solution import Solution
@@ -856,16 +856,16 @@ class Model:
         Raises
         ------
         SceneError
-            If a boundary condition is wrong; the message has the line of the file.
+            If a boundary condition is wrong; the message names the line of the file, or the entry of the dict.
         HeatError
             If the conditions determine no temperature.
         """
         if form_factors is None:
             form_factors = self.form_factors(progress=progress)
-        text = boundary_text(boundary)
+        parts = boundary_parts(boundary)
         options = _heat_options(sun, sky, solver, tolerance, max_passes)
         with Bar(progress) as callback:
-            return Heat(self._core.heat(form_factors._core, text, options, callback), form_factors)
+            return Heat(self._core.heat(form_factors._core, parts, options, callback), form_factors)
 
     def along_sun_path(
         self,
@@ -933,9 +933,9 @@ class Model:
             max_passes=max_passes,
             checkpoint=None if checkpoint is None else os.fspath(checkpoint),
         )
-        text = None if boundary is None else boundary_text(boundary)
+        parts = None if boundary is None else boundary_parts(boundary)
         with Bar(progress) as callback:
-            return SunPath(*self._core.along_sun_path(form_factors._core, (file, rows), text, options, callback))
+            return SunPath(*self._core.along_sun_path(form_factors._core, (file, rows), parts, options, callback))
 
     def exchange_factors(
         self,
@@ -974,10 +974,10 @@ class Model:
             raise ArgumentError(f"by: {by!r} is none of 'surface', 'patch'")
         if form_factors is None:
             form_factors = self.form_factors(progress=progress)
-        text = boundary_text(boundary)
+        parts = boundary_parts(boundary)
         options = _heat_options(None, None, solver, tolerance, max_passes)
         with Bar(progress) as callback:
-            found = self._core.exchange_factors(form_factors._core, text, by == "patch", options, callback)
+            found = self._core.exchange_factors(form_factors._core, parts, by == "patch", options, callback)
         return ExchangeFactors(*found)
 
     def points(

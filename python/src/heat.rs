@@ -27,13 +27,15 @@ pub(crate) struct Heat {
     warnings: Vec<String>,
 }
 
-/// Reads boundary conditions from their text, or where there is none from the file of that name.
-pub(crate) fn read(py: Python<'_>, shared: &Shared, (text, name): (String, String)) -> PyResult<Boundary> {
+/// The entries of boundary conditions, each with its name in messages and its text in TOML, and the name of the whole; without entries that of their file.
+pub(crate) type Given = (Option<Vec<(PathBuf, String)>>, String);
+
+/// Reads boundary conditions.
+pub(crate) fn read(py: Python<'_>, shared: &Shared, (parts, name): Given) -> PyResult<Boundary> {
     let model = shared.lock();
-    let read = if text.is_empty() {
-        Boundary::load(&name, &model.scene)
-    } else {
-        Boundary::parse(text, name, &model.scene)
+    let read = match parts {
+        None => Boundary::load(&name, &model.scene),
+        Some(parts) => Boundary::parse_parts(parts, name, &model.scene),
     };
     read.map_err(|error| raised(py, &error.into()))
 }
@@ -73,7 +75,7 @@ pub(crate) fn heat(
     py: Python<'_>,
     shared: &Arc<Shared>,
     factors: &FormFactors,
-    boundary: (String, String),
+    boundary: Given,
     options: &Options<'_>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Heat> {
@@ -97,7 +99,7 @@ pub(crate) fn heat(
 pub(crate) fn exchange_factors<'py>(
     py: Python<'py>,
     (shared, factors): (&Arc<Shared>, &FormFactors),
-    boundary: (String, String),
+    boundary: Given,
     by_patches: bool,
     options: &Options<'_>,
     progress: Option<Py<PyAny>>,

@@ -19,7 +19,7 @@ use crate::arrays::{Numbers, block, table, triples};
 use crate::call::Call;
 use crate::error::bad_argument;
 use crate::factors::{FormFactors, Study};
-use crate::heat::Heat;
+use crate::heat::{Given, Heat};
 use crate::image::Image;
 use crate::options::Options;
 use crate::solution::Solution;
@@ -401,12 +401,12 @@ impl Model {
         crate::voxels::solve(py, &self.shared, &Options::new(options)?, progress)
     }
 
-    /// Finds temperatures and net fluxes; `boundary`: the text of boundary conditions in TOML and what messages call it.
+    /// Finds temperatures and net fluxes; `boundary`: its entries in TOML and what messages call them.
     fn heat(
         &self,
         py: Python<'_>,
         factors: &FormFactors,
-        boundary: (String, String),
+        boundary: Given,
         options: &Bound<'_, PyDict>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Heat> {
@@ -420,7 +420,7 @@ impl Model {
         py: Python<'py>,
         factors: &FormFactors,
         table: Table<'py>,
-        boundary: Option<(String, String)>,
+        boundary: Option<Given>,
         options: &Bound<'py, PyDict>,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<Along<'py>> {
@@ -435,7 +435,7 @@ impl Model {
         &self,
         py: Python<'py>,
         factors: &FormFactors,
-        boundary: (String, String),
+        boundary: Given,
         by_patches: bool,
         options: &Bound<'_, PyDict>,
         progress: Option<Py<PyAny>>,

@@ -16,7 +16,7 @@ use radiosity::workflow::{BlockSink, Context, Demand, Model, SkyRequest, SolveRe
 use crate::call::Call;
 use crate::error::{bad_argument, raised};
 use crate::factors::{FormFactors, Study};
-use crate::heat::{lit, read};
+use crate::heat::{Given, lit, read};
 use crate::model::{Shared, call};
 use crate::options::Options;
 
@@ -44,7 +44,7 @@ pub(crate) fn along<'py>(
     py: Python<'py>,
     (shared, factors): (&Arc<Shared>, &FormFactors),
     table: Table<'py>,
-    boundary: Option<(String, String)>,
+    boundary: Option<Given>,
     options: &Options<'py>,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Along<'py>> {
@@ -105,7 +105,10 @@ fn path_of(py: Python<'_>, (file, rows): Table<'_>, options: &Options<'_>, up: D
     for (k, row) in rows.as_array().rows().into_iter().enumerate() {
         let place = SunPlace::Direction(DVec3::new(row[1], row[2], row[3]));
         path.push(k, &format!("{:?}", row[0]), place, row[4])
-            .map_err(|(key, wrong)| bad_argument(py, &format!("sun_path: row {k}: {key}: {wrong}")))?;
+            .map_err(|(key, wrong)| match key {
+                "angular_radius_deg" => bad_argument(py, &format!("angular_radius: {wrong}")),
+                _ => bad_argument(py, &format!("sun_path: row {k}: {key}: {wrong}")),
+            })?;
     }
     Ok(path)
 }

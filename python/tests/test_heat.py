@@ -111,13 +111,32 @@ def test_values_may_be_arrays_over_patches(whole: bool) -> None:
     [
         (conditions(temperature_k=[300.0] * 5), rd.HeatError, "5 values, where the surface has 1 patch and the scene 6"),
         (conditions(temperature_k=[300.0, -5.0]), rd.SceneError, "temperature_k: -5.0 is negative"),
-        (conditions(temperature_k=np.ones((2, 2))), rd.ArgumentError, r"boundary\['surface'\]\['temperature_k'\]: shape"),
+        (conditions(temperature_k=np.ones((2, 2))), rd.ArgumentError, r"boundary\['surface'\]\[\d\]\['temperature_k'\]: shape"),
         (conditions(temperature_k=np.nan), rd.ArgumentError, "nan is not finite"),
         (conditions(), rd.SceneError, "2 conditions|no condition|floor"),
         ({"surface": 3}, rd.ArgumentError, r"boundary\['surface'\]: expected a list"),
         ({"air": 3}, rd.ArgumentError, r"boundary\['air'\]: expected a dict"),
         ({"surface": {"roof": {"emissivity": 0.5, "adiabatic": True}}}, rd.SceneError, "roof"),
         ({"surface": {"*": {"emissivity": 0.5, "adiabatic": True}}}, rd.HeatError, "temperature"),
+        (
+            {"surface": {"*": {"emissivity": 0.5, "adiabatic": True}, "floor": {"emissivity": 2.0}}},
+            rd.SceneError,
+            r"^boundary\['surface'\]\['floor'\]: surface `floor`: emissivity: 2",
+        ),
+        (
+            {"surface": [{"name": "*", "emissivity": 0.5, "adiabatic": True}, {"name": "floor", "emisivity": 0.5}]},
+            rd.SceneError,
+            r"^boundary\['surface'\]\[1\]: unknown field `emisivity`",
+        ),
+        ({"sun": {"direction": [0, 0, 0], "irradiance_w_m2": 1}, "surface": {}}, rd.SceneError, "^boundary: no `surface`"),
+        (
+            {
+                "sun": {"direction": [0, 0, 0], "irradiance_w_m2": 1},
+                "surface": {"*": {"emissivity": 0.5, "adiabatic": True}},
+            },
+            rd.SceneError,
+            r"^boundary\['sun'\]: sun.direction: ",
+        ),
         ("/nowhere/boundary.toml", rd.SceneError, "nowhere"),
     ],
 )

@@ -159,7 +159,7 @@ impl From<VoxelError> for Failure {
 impl From<ReportError> for Failure {
     fn from(error: ReportError) -> Self {
         match error {
-            ReportError::UnknownFormat { .. } => Self::usage(error.to_string()),
+            ReportError::UnknownFormat { .. } | ReportError::BadSetting { .. } => Self::usage(error.text(&flag)),
             ReportError::BadTable { line, .. } => Self {
                 line: u32::try_from(line).ok(),
                 ..Self::new(error.kind(), error.text(&flag)).in_file(error.path())
@@ -200,6 +200,7 @@ impl From<CheckpointError> for Failure {
 pub(super) fn flag(parameter: Parameter, value: Option<&str>) -> String {
     match (parameter, value) {
         (Parameter::CutAtWalls, _) => "--no-cut".to_owned(),
+        (Parameter::AngularRadius, _) => "--sun-radius".to_owned(),
         (Parameter::Flip, Some(surface)) => format!("--flip={surface}"),
         (Parameter::Output, Some(file)) => format!("-o {file}"),
         (_, Some(value)) => format!("--{} {value}", parameter.name().replace('_', "-")),

@@ -24,7 +24,7 @@ pub(super) fn run(args: &PointsArgs) -> Result<Outcome, Failure> {
 
 fn work(args: &PointsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if let Some(path) = &args.output {
-        Format::of(path)?;
+        Format::of(path, points::CONTENT)?;
     }
     let mut files = FileSet::default();
     if let Some(path) = &args.output {

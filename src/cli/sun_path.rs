@@ -96,6 +96,8 @@ impl OnPath<'_> {
         run: &mut Run,
         work: impl FnOnce(&mut Self, Option<BlockSink<'_>>, &mut Context) -> Result<PathStudy<S>, WorkflowError>,
     ) -> Result<(PathStudy<S>, Option<PathBuf>), Failure> {
+        // Only the document has them.
+        run.cx.demand.drops_surfaces = !run.common.json;
         let Some(output) = output else {
             return Ok((work(self, None, &mut run.cx)?, None));
         };

@@ -369,6 +369,19 @@ impl Boundary {
         Self::of(&TomlFile::of_text(name.clone(), text, BAD), &name, scene)
     }
 
+    /// Reads the boundary conditions of a scene from parts of a text in TOML with a name each, by which messages call them; `name` is that of the whole.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load), with the name of the part in place of the line.
+    pub fn parse_parts(
+        parts: impl IntoIterator<Item = (PathBuf, String)>,
+        name: impl Into<PathBuf>,
+        scene: &Scene,
+    ) -> Result<Self, SceneError> {
+        let name = name.into();
+        Self::of(&TomlFile::of_parts(name.clone(), parts, BAD), &name, scene)
+    }
+
     fn of(text: &TomlFile, name: &Path, scene: &Scene) -> Result<Self, SceneError> {
         let parsed: BoundaryFile = text.parsed("boundary")?;
         parsed.resolved(name, text, scene)

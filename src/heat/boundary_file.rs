@@ -245,6 +245,11 @@ impl BoundaryFile {
             let joint = if what.is_empty() { "" } else { "." };
             file.bad(start, format!("{what}{joint}{key}: {wrong}"))
         };
+        if self.surface.is_empty() {
+            let wrong =
+                "no `surface` entry; add one with name = \"*\", an `emissivity` and a condition, as `adiabatic = true`";
+            return Err(file.bad(None, wrong.to_owned()));
+        }
         let surroundings_k = match &self.surroundings {
             Some(Table(given)) => {
                 let value = &given.temperature_k;

@@ -173,7 +173,8 @@ impl Network {
                 return Err(HeatError::BelowZero {
                     surface: scene.surfaces[surface].name.clone(),
                     taken: -heat / group.absorbing * self.emissivity[patch],
-                    arriving: arriving * self.emissivity[patch],
+                    // Where others are too cold too, less than nothing arrives.
+                    arriving: (arriving * self.emissivity[patch]).max(0.0),
                 });
             }
             Ok(Judged {

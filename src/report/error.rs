@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use crate::matrix::{DiskError, MatrixError};
-use crate::parameter::Named;
+use crate::parameter::{Named, Parameter};
 use crate::printable::{printable_message, quoted};
 
 /// Why a report could not be written, or a file of form factors not be read.
@@ -39,6 +39,16 @@ pub enum ReportError {
         kind: &'static str,
         /// The line, from 1.
         line: usize,
+        /// The fault, and the remedy.
+        reason: String,
+    },
+    /// A setting of a table that is out of its range, or does not fit its rows.
+    #[error("{}: {reason}", .parameter.name())]
+    BadSetting {
+        /// The file of the table.
+        path: PathBuf,
+        /// The setting.
+        parameter: Parameter,
         /// The fault, and the remedy.
         reason: String,
     },
@@ -132,6 +142,7 @@ impl ReportError {
     pub fn text(&self, named: Named<'_>) -> String {
         match self {
             Self::Scratch { path, source } => format!("{}: {}", path.display(), source.text(named)),
+            Self::BadSetting { parameter, reason, .. } => format!("{}: {reason}", named(*parameter, None)),
             other => other.to_string(),
         }
     }
@@ -143,6 +154,7 @@ impl ReportError {
             Self::Unwritable { path, .. }
             | Self::Unreadable { path, .. }
             | Self::BadTable { path, .. }
+            | Self::BadSetting { path, .. }
             | Self::BadArray { path, .. }
             | Self::UnknownFormat { path, .. }
             | Self::NoDescription { path, .. }

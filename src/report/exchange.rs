@@ -15,7 +15,10 @@ use super::npz::NpzWriter;
 use super::{ReportError, csv};
 use crate::heat::ExchangeFactors;
 
-/// The formats of exchange factors.
+/// The name of exchange factors in messages.
+pub const CONTENT: &str = "exchange factors";
+
+/// The formats of exchange factors, and of tables of points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// A table.
@@ -25,12 +28,12 @@ pub enum Format {
 }
 
 impl Format {
-    /// Returns the format that a file's ending names.
+    /// Returns the format that a file's ending names; `content` is what messages call what goes into it.
     ///
     /// # Errors
     /// [`ReportError::UnknownFormat`].
-    pub fn of(path: &Path) -> Result<Self, ReportError> {
-        by_ending(path, "exchange factors", &[("csv", Self::Csv), ("npz", Self::Npz)])
+    pub fn of(path: &Path, content: &'static str) -> Result<Self, ReportError> {
+        by_ending(path, content, &[("csv", Self::Csv), ("npz", Self::Npz)])
     }
 }
 
@@ -39,7 +42,7 @@ impl Format {
 /// # Errors
 /// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`].
 pub fn write(path: &Path, factors: &ExchangeFactors, settings: &Map<String, Value>) -> Result<(), ReportError> {
-    let format = Format::of(path)?;
+    let format = Format::of(path, CONTENT)?;
     file::write(path, |writer| match format {
         Format::Csv => write_csv(writer, factors),
         Format::Npz => write_npz(writer, factors, settings),

@@ -16,6 +16,9 @@ use super::{ReportError, csv, file};
 use crate::heat::{PointQuery, PointView, Stated};
 use crate::scene::Scene;
 
+/// The name of such tables in messages.
+pub const CONTENT: &str = "points";
+
 /// The columns of the position, and of the normal.
 const POSITION: [&str; 3] = ["x", "y", "z"];
 const NORMAL: [&str; 3] = ["nx", "ny", "nz"];
@@ -101,7 +104,7 @@ pub fn write(
     views: &[PointView],
     settings: &Map<String, Value>,
 ) -> Result<(), ReportError> {
-    let format = Format::of(path)?;
+    let format = Format::of(path, CONTENT)?;
     let columns = columns(scene, views);
     file::write(path, |writer| match format {
         Format::Csv => write_csv(writer, views, &columns),

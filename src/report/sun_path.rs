@@ -10,6 +10,7 @@ use glam::DVec3;
 use super::ReportError;
 use super::text_table::TextFile;
 use crate::heat::{SunPath, SunPlace};
+use crate::parameter::Parameter;
 
 /// Where the columns of a row stand.
 enum Columns {
@@ -20,7 +21,7 @@ enum Columns {
 /// Reads the path of a sun whose disc has an angular radius in degrees; `axes`: north and up of the scene, for places on Earth.
 ///
 /// # Errors
-/// [`ReportError::Unreadable`], and [`ReportError::BadTable`] with the line of what is no such table.
+/// [`ReportError::Unreadable`]; [`ReportError::BadTable`] with the line of what is no such table; [`ReportError::BadSetting`] of a radius out of range and, for places on Earth, a north along up.
 pub fn read(path: &Path, angular_radius_deg: f64, axes: [DVec3; 2]) -> Result<SunPath, ReportError> {
     let file = TextFile::read(path, "bad_sun_path")?;
     let table = file.table("time,x,y,z,irradiance")?;
@@ -49,10 +50,26 @@ pub fn read(path: &Path, angular_radius_deg: f64, axes: [DVec3; 2]) -> Result<Su
         };
         found
             .push(row.line(), row.text(time), place, strength)
-            .map_err(|(key, wrong)| row.bad(format!("{key}: {wrong}")))?;
+            .map_err(|(key, reason)| match setting_of(key) {
+                Some(parameter) => ReportError::BadSetting {
+                    path: path.to_owned(),
+                    parameter,
+                    reason,
+                },
+                None => row.bad(format!("{key}: {reason}")),
+            })?;
     }
     if found.steps.is_empty() {
         return Err(table.bad_head("no rows below the line of names; add one for each time"));
     }
     Ok(found)
+}
+
+/// Returns the setting that a value which no row gives belongs to.
+fn setting_of(key: &str) -> Option<Parameter> {
+    match key {
+        "north" => Some(Parameter::North),
+        "angular_radius_deg" => Some(Parameter::AngularRadius),
+        _ => None,
+    }
 }

@@ -14,6 +14,8 @@ pub(crate) struct TomlFile {
     path: PathBuf,
     text: String,
     kind: fn(String) -> SceneErrorKind,
+    /// Where each part of a text that a program made begins, and its name.
+    parts: Vec<(usize, PathBuf)>,
 }
 
 impl TomlFile {
@@ -26,12 +28,32 @@ impl TomlFile {
             path: path.to_owned(),
             text: read_text(path, DESCRIPTION_LIMIT)?,
             kind,
+            parts: Vec::new(),
         })
     }
 
     /// Returns a text in memory as if it were read from a file of that name.
     pub(crate) fn of_text(name: PathBuf, text: String, kind: fn(String) -> SceneErrorKind) -> Self {
-        Self { path: name, text, kind }
+        Self {
+            path: name,
+            text,
+            kind,
+            parts: Vec::new(),
+        }
+    }
+
+    /// Returns parts with their names as one text; mistakes are named by the part, as its lines are not the user's.
+    pub(crate) fn of_parts(
+        name: PathBuf,
+        parts: impl IntoIterator<Item = (PathBuf, String)>,
+        kind: fn(String) -> SceneErrorKind,
+    ) -> Self {
+        let mut file = Self::of_text(name, String::new(), kind);
+        for (part, text) in parts {
+            file.parts.push((file.text.len(), part));
+            file.text.push_str(&text);
+        }
+        file
     }
 
     /// Parses the text; `what` completes "correct the ...".
@@ -48,21 +70,27 @@ impl TomlFile {
         })
     }
 
-    /// Returns an error about the line that the byte `start` stands on.
+    /// Returns an error about the line, or the part, that the byte `start` stands on.
     pub(crate) fn bad(&self, start: impl Into<Option<usize>>, message: String) -> SceneError {
-        let line = start.into().map(|start| self.line(start));
-        SceneError::new(Origin::line(self.path.clone(), line), (self.kind)(message))
+        let start = start.into();
+        let part = start.and_then(|start| self.parts.iter().rfind(|(begin, _)| *begin <= start));
+        let line = start.map(|start| self.line(start)).filter(|line| *line > 0);
+        let path = part.map_or(&self.path, |(_, name)| name);
+        SceneError::new(Origin::line(path.clone(), line), (self.kind)(message))
     }
 
-    /// Returns the line that the byte `start` stands on, from 1.
+    /// Returns the line that the byte `start` stands on, from 1; 0 of a text in parts.
     pub(crate) fn line(&self, start: usize) -> u32 {
+        if !self.parts.is_empty() {
+            return 0;
+        }
         line_after(self.text.get(..start).unwrap_or(&self.text))
     }
 }
 
 /// Returns a parser's message as one line, without the words of its own types.
 fn plain(message: &str) -> String {
-    const WORDS: [(&str, &str); 5] = [
+    const WORDS: [(&str, &str); 6] = [
         ("\n", ", "),
         (
             "invalid type: map, expected a sequence",
@@ -70,6 +98,7 @@ fn plain(message: &str) -> String {
         ),
         ("invalid type: sequence", "invalid type: list"),
         ("invalid type: map", "invalid type: table"),
+        ("expected a sequence", "expected a list"),
         ("expected f64", "expected a number"),
     ];
     WORDS.iter().fold(message.to_owned(), |message, (words, plain)| {

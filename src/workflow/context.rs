@@ -53,7 +53,7 @@ pub struct Context {
     begun: Instant,
 }
 
-/// What comes after form factors, as far as their storage depends on it.
+/// What comes after form factors, as far as the storage of them and of results depends on it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Demand {
     /// The output, beside which a scratch file goes.
@@ -66,6 +66,8 @@ pub struct Demand {
     pub reflectance_max: f64,
     /// Memory for a picture, in bytes.
     pub image_byte: u64,
+    /// True if the results of single surfaces at the times of a path of the sun are dropped block by block, as nobody reads them.
+    pub drops_surfaces: bool,
 }
 
 impl Default for Context {

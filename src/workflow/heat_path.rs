@@ -145,6 +145,10 @@ impl PathWork for HeatWork<'_> {
         }
     }
 
+    fn drop_surfaces(step: &mut HeatStep) {
+        step.surfaces = Vec::new();
+    }
+
     fn solve(
         &self,
         model: &mut Model,

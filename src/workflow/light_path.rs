@@ -78,6 +78,10 @@ impl PathWork for LightWork<'_> {
         hasher.update([u8::from(self.study.errors_known)]);
     }
 
+    fn drop_surfaces(step: &mut LightStep) {
+        step.surfaces = Vec::new();
+    }
+
     fn solve(
         &self,
         model: &mut Model,

@@ -66,6 +66,9 @@ pub(super) trait PathWork {
     /// Adds what the results depend on beside scene, form factors and path.
     fn hash_into(&self, model: &Model, hasher: &mut Sha256);
 
+    /// Drops the results of single surfaces.
+    fn drop_surfaces(step: &mut Self::Step);
+
     /// Solves for some times; `with_values`: with those of all patches.
     fn solve(
         &self,
@@ -103,6 +106,7 @@ impl Model {
         };
         cx.progress().begin(W::NAME, path.steps.len() as u64);
         cx.warns_once_of_a_kind = true;
+        let drops_surfaces = cx.demand.drops_surfaces;
         for (k, steps) in path.steps.chunks(n_at_once).enumerate() {
             let kept = cx
                 .checkpoint()
@@ -128,7 +132,12 @@ impl Model {
             });
             cx.audit.keep_worst();
             cx.leaks.add(block.leak, block.leak_is_too_great);
-            found.steps.extend(block.steps);
+            found.steps.extend(block.steps.into_iter().map(|mut step| {
+                if drops_surfaces {
+                    W::drop_surfaces(&mut step);
+                }
+                step
+            }));
             found.n_passes += block.n_passes;
             found.error = found.error.or_worse(block.error);
             if k == 0 {

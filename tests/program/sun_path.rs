@@ -83,6 +83,11 @@ fn mistakes_in_paths_are_one_line() {
     let here = directory.path();
     write(here, "bad.csv", "time,x,y,z,irradiance\n0,0,0,1,5\n1,0,0,0,5\n");
     write(here, "good.csv", "time,x,y,z,irradiance\n0,0,0,1,5\n");
+    write(
+        here,
+        "place.csv",
+        "time,latitude,longitude,irradiance\n2026-06-21T12:00:00Z,10,0,900\n",
+    );
     let (code, result) = document(here, &["solve", "scene.obj", "--sun-path", "bad.csv"]);
     assert_eq!(
         (code, &result["error"]["kind"]),
@@ -101,6 +106,15 @@ fn mistakes_in_paths_are_one_line() {
         ),
         (&["--sun-path", "good.csv", "--sun-irradiance", "5"], "--sun-irradiance"),
         (&["--sun-path", "good.csv", "-o", "good.csv"], "good.csv"),
+        // The flag is at fault, not the row.
+        (
+            &["--sun-path", "place.csv", "--north", "0,0,1"],
+            "radiosity: --north: zero, or along up",
+        ),
+        (
+            &["--sun-path", "good.csv", "--sun-radius", "80"],
+            "radiosity: --sun-radius: 80 is outside",
+        ),
         (&["--form-factors", "F.npz", "--checkpoint", "c"], "--checkpoint"),
     ] {
         let output = radiosity(here, &[&["solve", "scene.obj"], flags].concat());

@@ -32,7 +32,7 @@ pub(super) fn run(args: &HeatArgs) -> Result<Outcome, Failure> {
 
 fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if let Some(path) = &args.exchange_factors {
-        exchange::Format::of(path)?;
+        exchange::Format::of(path, exchange::CONTENT)?;
     }
     // Before the work: a mistake in sun and sky is found at once.
     expect_grey(&args.sun)?;

@@ -1,6 +1,6 @@
 //! Boundary files: what holds, and what is refused with its line and a remedy.
 
-use radiosity::heat::Condition;
+use radiosity::heat::{Boundary, Condition};
 
 use super::{boundary, heat, inside, rectangle, scene, try_heat};
 
@@ -153,6 +153,41 @@ fn mistakes_are_told_with_their_line() {
             .to_string()
             .contains("has another condition")
     );
+    let message = boundary("[surroundings]\ntemperature_k = 3\n", &room)
+        .unwrap_err()
+        .to_string();
+    assert!(message.contains("no `surface` entry; add one"), "{message}");
+}
+
+/// Entries of a program have no lines: what is wrong in one, or between them, names the entry.
+#[test]
+fn mistakes_in_parts_are_told_with_their_name() {
+    let room = scene(&inside([1.0; 3]));
+    let all = "[[surface]]\nname = \"*\"\nemissivity = 0.5\ntemperature_k = 300.0\n";
+    let told = |second: &str| {
+        let parts = [
+            ("first", all),
+            ("second", second),
+            ("third", "[surroundings]\ntemperature_k = 3.0\n"),
+        ];
+        let parts = parts.map(|(name, text)| (name.into(), text.to_owned()));
+        let error = Boundary::parse_parts(parts, "whole", &room).unwrap_err();
+        assert_eq!(error.line(), None);
+        error.to_string()
+    };
+    for (second, message) in [
+        (
+            "[[surface]]\nname = \"x0\"\nemissivity = 2.0\n",
+            "second: surface `x0`: emissivity: 2.0 is outside (0, 1]; correct it",
+        ),
+        (
+            "[[surface]]\nname = \"x0\"\nnode = \"n\"\n",
+            "second: `node` `n` matches nothing; there is no [[node]]; add one",
+        ),
+    ] {
+        assert_eq!(told(second), message);
+    }
+    assert!(told("[[surface]]\nname = \"x0\"\nemisivity = 2.0\n").starts_with("second: unknown field `emisivity`"));
 }
 
 /// A closed room without a temperature: none, or infinitely many solutions; with one, or a node beside one, it is solved.

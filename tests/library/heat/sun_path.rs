@@ -209,7 +209,7 @@ fn an_interrupted_path_goes_on() {
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("path.checkpoint");
     let path = path(150, DQuat::IDENTITY);
-    let run = |n_blocks: usize| {
+    let run = |n_blocks: usize, drops_surfaces: bool| {
         let mut cx = Context::default();
         cx.checkpoint_file = Some(file.clone());
         // The wall stands in the middle of one patch, under which light leaks: there is something to warn of.
@@ -228,17 +228,18 @@ fn an_interrupted_path_goes_on() {
             }
             Ok(())
         };
+        cx.demand.drops_surfaces = drops_surfaces;
         let found = model.heat_along_sun_path(&factors, (&path, &conditions), &request, Some(&mut sink), &mut cx);
         (found, blocks, (cx.warnings(), cx.leaks.worst))
     };
-    let (ended, first, _) = run(2);
+    let (ended, first, _) = run(2, true);
     assert!(matches!(ended, Err(WorkflowError::Interrupted)) && first.len() == 2);
-    let (resumed, all, (warnings, leak)) = run(usize::MAX);
+    let (resumed, all, (warnings, leak)) = run(usize::MAX, false);
     let resumed = resumed.unwrap();
     assert_eq!((resumed.n_resumed, all.len()), (128, 3));
     assert_eq!(all[..2], first[..]);
     std::fs::remove_file(&file).unwrap();
-    let (whole, others, (expected, expected_leak)) = run(usize::MAX);
+    let (whole, others, (expected, expected_leak)) = run(usize::MAX, false);
     assert_eq!(all, others);
     assert!(
         expected.iter().any(|one| matches!(one, Warning::LightLeak { .. })),
@@ -251,6 +252,14 @@ fn an_interrupted_path_goes_on() {
     assert_eq!((whole.n_resumed, whole.n_passes), (0, resumed.n_passes));
     for (a, b) in whole.steps.iter().zip(&resumed.steps) {
         assert_eq!((&a.surfaces, a.balance), (&b.surfaces, b.balance));
+        assert!(!a.surfaces.is_empty());
+    }
+    // Without the surfaces all else is the same, also from a checkpoint that has them.
+    let (totals, same, _) = run(usize::MAX, true);
+    let totals = totals.unwrap();
+    assert_eq!((same, totals.n_resumed), (others, 150));
+    for (a, b) in whole.steps.iter().zip(&totals.steps) {
+        assert_eq!((a.balance, 0), (b.balance, b.surfaces.len()));
     }
 }
 
@@ -346,6 +355,16 @@ fn tables_are_read_or_refused_with_their_line() {
         );
         assert_eq!(error.kind(), "bad_sun_path");
     }
+    // North is that of places on Earth; where rows have directions, it is not asked for.
+    let upright = |text: &str| {
+        std::fs::write(&file, text).unwrap();
+        sun_path::read(&file, 0.25, [DVec3::Z; 2])
+    };
+    assert_eq!(
+        upright(days).unwrap_err().to_string(),
+        "north: zero, or along up; give another direction"
+    );
+    assert!(upright(head).is_ok());
 }
 
 /// Where heat is taken that does not arrive at one of the times, the message names that time.
