@@ -94,7 +94,7 @@ struct State {
     pieces: Pieces,
     /// The part that pieces belong to now.
     part: u32,
-    /// What went wrong first when a piece was to be kept; from then on none is.
+    /// The first error of storing a piece; no piece is stored after it.
     failed: Option<io::Error>,
 }
 
@@ -238,7 +238,7 @@ impl Checkpoint {
             .flatten()
     }
 
-    /// Tells whether a piece is kept.
+    /// Returns whether a piece is kept.
     pub(crate) fn has(&self, k: u64) -> bool {
         let state = self.state();
         let k = in_part(state.part, k);

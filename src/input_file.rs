@@ -45,8 +45,8 @@ pub(crate) fn expect_plain(path: &Path) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::InvalidInput, reason))
 }
 
-/// Opens a file to look into before it is read. What is no plain file is `None`, and left to who reads it: what a pipe has given is gone, and so is who writes
-/// to it once it is closed.
+/// Opens a file to inspect before it is read; `None` unless it is a plain file. A pipe is left to its reader, because its bytes come once and closing it ends its
+/// writer.
 ///
 /// # Errors
 /// Errors of the file system, with their remedy.
@@ -83,7 +83,7 @@ pub(crate) fn read(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Says what to do where the system only says what is wrong.
+/// Returns the remedy for an error of the system.
 fn told(error: &io::Error) -> io::Error {
     let kind = error.kind();
     let reason = match kind {

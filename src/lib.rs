@@ -20,7 +20,7 @@
 //! | [`scene`] | a validated scene; OBJ and MTL files; cameras; the built-in scenes |
 //! | [`mesh`] | patches: faces cut so that flat neighbours match |
 //! | [`embree`] | Embree 4 behind a small C interface: the only unsafe code |
-//! | [`visibility`] | who sees whom: through Embree, or in f64 by brute force |
+//! | [`visibility`] | visibility: through Embree, or in f64 by brute force |
 //! | [`form_factor`] | the methods, one file each |
 //! | [`matrix`] | form factors stored, checked, made symmetric, applied |
 //! | [`solver`] | the solvers, one file each, behind one trait |

@@ -22,12 +22,12 @@ pub trait Progress: Sync {
         None
     }
 
-    /// Tells whether the deadline has passed.
+    /// Returns whether the deadline has passed.
     fn is_late(&self) -> bool {
         self.deadline().is_some_and(|deadline| Instant::now() >= deadline)
     }
 
-    /// Tells whether work is to end at the next safe point. Once true it stays so.
+    /// Returns whether work is to end at the next safe point. Once true it stays so.
     ///
     /// Work that can fail then fails as interrupted; what other work returns is not complete.
     fn is_cancelled(&self) -> bool {

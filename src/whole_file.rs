@@ -129,7 +129,7 @@ pub(crate) fn prepare(
     })
 }
 
-/// Tells whether `path` can name a file to write, and returns the place that it stands for: a link is followed.
+/// Returns whether `path` can name a file to write, and returns the place that it stands for: a link is followed.
 ///
 /// # Errors
 /// The directory does not exist, or `path` names something that is not a regular file.

@@ -147,7 +147,7 @@ pub fn sides(leak_power: &[f64]) -> Audit {
     }
 }
 
-/// What decides how bright a furnace is; light in its units.
+/// The bounds of a furnace's brightness; light in its units.
 struct Reflecting<'a> {
     reflectance: &'a Block,
     exitance: &'a Block,

@@ -11,7 +11,7 @@ pub(super) fn describe_patches(text: &mut String, model: &Model) {
     let _ = writeln!(text, "{n_patches} patches on {}", counted(n_surfaces, "surface"));
 }
 
-/// Describes the checks of form factors in two or three lines.
+/// Adds the line of the checks of form factors.
 pub(super) fn describe_checks(text: &mut String, computed: &FormFactorStudy) {
     let checks = &computed.checks;
     let _ = writeln!(
@@ -24,6 +24,11 @@ pub(super) fn describe_checks(text: &mut String, computed: &FormFactorStudy) {
             .map_or("unknown".to_owned(), |e| format!("{e:.1e}")),
         checks.reciprocity_error_max,
     );
+}
+
+/// Adds the details of form factors: rays, pairs and the size of the matrix.
+pub(super) fn describe_work(text: &mut String, computed: &FormFactorStudy) {
+    let checks = &computed.checks;
     if checks.n_rays > 0 {
         let _ = writeln!(
             text,

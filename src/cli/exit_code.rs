@@ -1,6 +1,6 @@
 //! Exit codes.
 
-/// What the program says to its caller.
+/// The exit codes of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum ExitCode {

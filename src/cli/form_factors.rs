@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::args::FormFactorsArgs;
-use super::checks::{describe_checks, describe_patches};
+use super::checks::describe_patches;
 use super::failure::Failure;
 use super::file_set::FileSet;
 use super::run::Run;
@@ -69,7 +69,7 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let document = run.document_of(&model, FormFactorsDocument::new(&model, &computed, &table, output));
     let mut text = run.explanation(&model);
     describe_patches(&mut text, &model);
-    describe_checks(&mut text, &computed);
+    run.describe_form_factors(&mut text, &computed);
     describe_surfaces(&mut text, &model, &computed, &table);
     run.describe_audit(&mut text);
     run.describe_times(&mut text);

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::Outcome;
 use super::args::RenderArgs;
+use super::checks::describe_work;
 use super::exit_code::ExitCode;
 use super::failure::{Failure, flag};
 use super::file_set::FileSet;
@@ -25,6 +26,8 @@ use crate::workflow::{
 struct Told<'a> {
     /// The name of the solver that was asked for.
     solver: &'a str,
+    /// True if the text says what the form factors took.
+    explain: bool,
     poses: Vec<(SolverRecord, PoseRecord)>,
     text: String,
     /// Frames by their numbers, each with the line that says what was written.
@@ -49,6 +52,9 @@ impl SequenceObserver for Told<'_> {
         let solved = SolverRecord::new(study.model, self.solver, study.solution, study.error);
         let record = PoseRecord::new(study, &solved);
         describe_pose(&mut self.text, self.solver, study, &record);
+        if self.explain {
+            describe_work(&mut self.text, study.factors);
+        }
         if solution::code(study.solution, Some(study.factors), study.error) != ExitCode::Done {
             self.code = ExitCode::NotConverged;
         }
@@ -88,6 +94,7 @@ pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outc
     };
     let mut told = Told {
         solver: &args.solver.solver,
+        explain: args.common.explain,
         poses: Vec::new(),
         text: String::new(),
         frames: Vec::new(),

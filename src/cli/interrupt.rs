@@ -90,7 +90,7 @@ impl Interrupt {
         let _ = self.checkpoint.set(path.to_owned());
     }
 
-    /// Tells whether a signal came.
+    /// Returns whether a signal came.
     pub(super) fn came(&self) -> bool {
         self.signal.load(Ordering::Relaxed) != 0
     }

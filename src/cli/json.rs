@@ -3,7 +3,7 @@
 use serde::ser::{Serialize, SerializeMap as _, SerializeSeq as _, Serializer};
 use serde_json::Value;
 
-/// A document with its members in the order of their names, and with a list that is made into values item by item as it is written: as values, the times of a path of the sun take gigabytes.
+/// A document with its members in the order of their names. A list becomes values item by item as it is written, because the times of a sun path would take gigabytes as values.
 #[derive(Default)]
 pub(super) struct JsonDocument {
     values: Value,

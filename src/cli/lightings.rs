@@ -4,7 +4,6 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use super::args::SolveArgs;
-use super::checks::describe_checks;
 use super::failure::Failure;
 use super::run::Run;
 use super::{Outcome, solution};
@@ -93,7 +92,7 @@ pub(super) fn run(
     let mut text = run.explanation(&model);
     let (n_patches, n) = (model.mesh.n_patches(), lightings.names.len());
     let _ = writeln!(text, "{n_patches} patches, {n} lightings at once");
-    describe_checks(&mut text, computed);
+    run.describe_form_factors(&mut text, computed);
     text.push_str(&of_each);
     run.describe_audit(&mut text);
     run.describe_times(&mut text);

@@ -51,7 +51,7 @@ use json::{JsonDocument, in_order};
 use crate::printable::{printable_message, quoted};
 use crate::ranks::End;
 
-/// What a command gives back: text for people, the same as a document, and how it ended.
+/// The result of a command: text for people, the same as a document, and the exit code.
 struct Outcome {
     text: String,
     document: JsonDocument,
@@ -279,7 +279,7 @@ fn print_document(document: &JsonDocument) -> bool {
     })
 }
 
-/// Writes a text to stdout; returns false where that failed for another reason than a reader who has seen enough.
+/// Writes a text to stdout; returns false where that failed, unless the reader closed the pipe.
 fn print(text: &str) -> bool {
     printed(|stdout| stdout.write_all(text.as_bytes()))
 }

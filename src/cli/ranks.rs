@@ -32,7 +32,7 @@ pub(super) fn of_run() -> Arc<dyn Ranks> {
         .map_or_else(|| Arc::new(Alone) as _, |(all, _)| Arc::clone(all))
 }
 
-/// Tells whether this rank prints.
+/// Returns whether this rank prints.
 pub(super) fn is_first() -> bool {
     RANKS.get().is_none_or(|(all, _)| all.is_first())
 }

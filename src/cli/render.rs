@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::args::RenderArgs;
-use super::checks::{describe_checks, describe_patches};
+use super::checks::describe_patches;
 use super::exit_code::ExitCode;
 use super::failure::{Failure, flag};
 use super::file_set::FileSet;
@@ -77,7 +77,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
         height: image.height(),
     };
     let document = run.document_of(&model, document);
-    describe(&mut text, &model, &light, gather.as_ref());
+    describe(&mut text, run, &model, &light, gather.as_ref());
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
     let (width, height) = (image.width(), image.height());
@@ -96,10 +96,10 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
 }
 
 /// Describes the light that a picture was made from, and what final gather took.
-fn describe(text: &mut String, model: &Model, light: &ImageLight, gather: Option<&GatherReport>) {
+fn describe(text: &mut String, run: &Run, model: &Model, light: &ImageLight, gather: Option<&GatherReport>) {
     describe_patches(text, model);
     if let Some(factors) = &light.factors {
-        describe_checks(text, factors);
+        run.describe_form_factors(text, factors);
     }
     solution::describe(text, model, &light.solver, &light.study);
     if let Some(report) = gather {

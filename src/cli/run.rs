@@ -8,6 +8,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::args::{CommonArgs, MeshArgs, MethodArgs, StorageArgs};
+use super::checks::{describe_checks, describe_work};
 use super::exit_code::ExitCode;
 use super::failure::{Failure, flag};
 use super::interrupt::Interrupt;
@@ -20,7 +21,7 @@ use crate::plan::byte_text;
 use crate::printable::printable_message;
 use crate::render::MAX_PICTURE_EXITANCE;
 use crate::scene::{Lighting, Scene, SceneWarningKind, builtin};
-use crate::workflow::{self, Afterwards, Context, Demand, FormFactorRequest, Model, Use, Warning};
+use crate::workflow::{self, Afterwards, Context, Demand, FormFactorRequest, FormFactorStudy, Model, Use, Warning};
 
 /// A run of one command.
 pub(super) struct Run {
@@ -31,7 +32,7 @@ pub(super) struct Run {
     interrupt: Interrupt,
     /// True if lightings follow once the scene is read, in which it may emit light although it does not by itself.
     pub(super) has_lightings: bool,
-    /// What is to be said if it does not.
+    /// The warning if it does not.
     dark: Option<Warning>,
 }
 
@@ -201,6 +202,14 @@ impl Run {
         };
     }
 
+    /// Adds the line of the checks of form factors, and with `--explain` the work and memory that they took.
+    pub(super) fn describe_form_factors(&self, text: &mut String, computed: &FormFactorStudy) {
+        describe_checks(text, computed);
+        if self.common.explain {
+            describe_work(text, computed);
+        }
+    }
+
     /// Returns the text of `--explain`, or nothing.
     pub(super) fn explanation(&self, model: &Model) -> String {
         let mut text = String::new();
@@ -242,9 +251,13 @@ impl Run {
     pub(super) fn describe_times(&self, text: &mut String) {
         let times = self.cx.times();
         let total = times.total_s();
-        let _ = write!(text, "{total:.2} s:");
-        for (k, (name, seconds)) in times.iter().filter(|(_, s)| *s >= 0.005 * total).enumerate() {
-            let comma = if k == 0 { "" } else { "," };
+        let _ = write!(text, "{total:.2} s");
+        for (k, (name, seconds)) in times
+            .iter()
+            .filter(|(_, s)| *s >= (0.005 * total).max(0.005))
+            .enumerate()
+        {
+            let comma = if k == 0 { ":" } else { "," };
             let _ = write!(text, "{comma} {} {seconds:.2} s", name.replace('_', " "));
         }
         let _ = writeln!(text);

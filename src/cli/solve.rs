@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use glam::DVec3;
 
 use super::args::SolveArgs;
-use super::checks::{describe_checks, describe_patches};
+use super::checks::describe_patches;
 use super::failure::Failure;
 use super::file_set::FileSet;
 use super::lightings::Lightings;
@@ -135,7 +135,7 @@ fn finish(
     let mut text = run.explanation(model);
     describe_patches(&mut text, model);
     if let Some(computed) = computed {
-        describe_checks(&mut text, computed);
+        run.describe_form_factors(&mut text, computed);
     }
     describe(&mut text, model, solver, study);
     run.describe_audit(&mut text);

@@ -7,7 +7,7 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::args::{HeatArgs, SolveArgs, SunArgs};
-use super::checks::{describe_checks, describe_patches};
+use super::checks::describe_patches;
 use super::exit_code::ExitCode;
 use super::failure::Failure;
 use super::run::Run;
@@ -134,7 +134,7 @@ impl OnPath<'_> {
         run.bars.finish();
         let mut text = run.explanation(&self.model);
         describe_patches(&mut text, &self.model);
-        describe_checks(&mut text, self.factors);
+        run.describe_form_factors(&mut text, self.factors);
         let n = counted(study.steps.len(), "time");
         let _ = write!(
             text,

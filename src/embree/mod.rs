@@ -33,7 +33,7 @@
 //! - it hands the configuration string to C without the zero at its end, copies (and drops) the user's object in the
 //!   callbacks of user geometry, and checks no index;
 //! - it asks for the device's error after every ray, has no occlusion queries, and traces one ray at a time: packets of
-//!   sixteen are more than three times as fast for bundles that go from patch to patch.
+//!   sixteen are faster for bundles that go from patch to patch.
 //!
 //! Rates: `docs/performance.md`.
 

@@ -42,7 +42,7 @@ pub enum ExperimentError {
     Method {
         /// The method's name in the sweep.
         method: &'static str,
-        /// What is varied.
+        /// The parameter that varies.
         parameter: &'static str,
         /// Its value.
         value: u64,

@@ -1,4 +1,4 @@
-//! What the methods are measured against.
+//! The references that methods are measured against.
 
 use std::num::NonZeroUsize;
 
@@ -27,7 +27,7 @@ pub enum ReferenceKind {
     Exact,
 }
 
-/// What a reference is known between.
+/// The elements between which a reference is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -70,7 +70,7 @@ impl Reference {
     ///
     /// Where nothing blocks, or `input.unoccluded` says not to look: the closed form if all patches are rectangles with parallel edges, else the exchange
     /// area of each pair of polygons. Else certified numbers, if the scene has them. Else [`ExactMethod`] at `tolerance`. All without rays, but for pairs of [`ExactMethod`] that clipping would take far longer for.
-    /// What is between patches is stored as `storage` says.
+    /// Factors between patches are stored as `storage` says.
     ///
     /// # Errors
     /// [`ExperimentError::Reference`] if a method fails.

@@ -1,4 +1,4 @@
-//! What repeated measurements say, and how probable a deviation is.
+//! Statistics of repeated measurements, and the probability of a deviation.
 
 use std::f64::consts::PI;
 

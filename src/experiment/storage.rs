@@ -18,11 +18,11 @@ pub struct StorageFigures {
     pub n_entries: u64,
     /// The share of entries that are not zero.
     pub density: f64,
-    /// What all entries take.
+    /// The bytes of all entries.
     pub dense_bytes: u64,
-    /// What the exchange areas on and above the diagonal take, in squares, each as full or as sparse as suits it: half of the others for large N.
+    /// The bytes of the exchange areas on and above the diagonal, in squares, each as full or as sparse as suits it: half of the others for large N.
     pub symmetric_bytes: u64,
-    /// What the non-zero entries take, stored by row, each with its column.
+    /// The bytes of the non-zero entries, stored by row, each with its column.
     pub sparse_bytes: u64,
     /// The tolerance of the run of [`ExactMethod`] whose entries were counted, or `None` if they were the reference's own.
     pub tolerance: Option<f64>,

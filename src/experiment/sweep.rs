@@ -16,7 +16,7 @@ pub struct Sweep {
     pub name: &'static str,
     /// The method's name in the [`registry`].
     pub method: &'static str,
-    /// What is varied.
+    /// The parameter that varies.
     pub parameter: Parameter,
     /// Its values, ascending in cost.
     pub values: &'static [u64],
@@ -28,7 +28,7 @@ pub struct Sweep {
     pub rays: RayUse,
 }
 
-/// What is varied from one setting of a method to the next.
+/// The parameter that varies from one setting of a method to the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Parameter {
     /// Nothing.
@@ -47,7 +47,7 @@ pub enum Parameter {
     Tolerance,
 }
 
-/// What a method traces rays for.
+/// The purpose of a method's rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RayUse {
     /// For everything: it cannot leave visibility out.

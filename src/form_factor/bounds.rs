@@ -1,4 +1,4 @@
-//! What form factors are without occluders: bounds of entries that no ray has hit, and the errors of rules that rays start from.
+//! Form factors without occluders: bounds of entries that no ray has hit, and the errors of rules that rays start from.
 
 use std::num::NonZeroUsize;
 use std::sync::{Arc, OnceLock};

@@ -49,7 +49,7 @@ pub struct Enclosed {
 pub struct Leak {
     /// The name of the surface.
     pub surface: String,
-    /// What its face is called, as in `line 12`.
+    /// The name of its face, as in `line 12`.
     pub face: Box<str>,
     /// The middle of the patch, m.
     pub from: DVec3,
@@ -73,7 +73,7 @@ const MIN_ESCAPED: u64 = 3;
 /// Standard deviations by which a share of rays may be below what escapes.
 const SIGMAS: f64 = 8.0;
 
-/// The light of a patch that a slit of width w lets out is up to this many times w P / A, with P its perimeter and A its area: slits along all of its border take w P / A, those farther off less.
+/// A slit of width w lets out up to this many times w P / A of the light of a patch with perimeter P and area A. Slits along all of its border take w P / A, more distant ones less.
 const SLITS: f64 = 8.0;
 
 /// Decides whether light leaves a scene, and which of its rows sum to 1.

@@ -1,4 +1,4 @@
-//! What form factors are going to take, from a sample of the work.
+//! A forecast of the run time of form factors, from a sample of the work.
 
 #![expect(
     clippy::shadow_unrelated,

@@ -5,7 +5,7 @@
 pub struct Fraction {
     /// The fraction.
     pub value: f64,
-    /// What it may be off by as its neighbours are too, in the same direction: errors of form factors.
+    /// The error that it shares with its neighbours, in the same direction: errors of form factors.
     pub common: f64,
     /// The variance of what it is off by independently of others: that of rays.
     pub variance: f64,

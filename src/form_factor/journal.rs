@@ -38,7 +38,7 @@ pub(super) struct Journal<'a> {
     begun: bool,
     /// The part of the piece that an earlier run finished.
     found: HashMap<u64, Record>,
-    /// What it left of other pieces, on which other ranks worked.
+    /// The remainder of other pieces, on which other ranks worked.
     of_others: HashMap<u64, HashMap<u64, Record>>,
     /// The number of the next record, and what is to be in it.
     pending: Mutex<(u64, Vec<(u64, Record)>)>,

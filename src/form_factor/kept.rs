@@ -7,7 +7,7 @@ use crate::progress::Progress;
 /// Begins every piece; another number when what follows changes. The first number of pieces before there was one is a count, and smaller.
 const LAYOUT: u64 = u64::from_le_bytes(*b"piece 3\n");
 
-/// What a method computes as one piece.
+/// The unit of work of a method, as checkpoints store it.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Piece {
     pub(super) tiles: Vec<RowTile>,

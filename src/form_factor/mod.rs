@@ -97,14 +97,14 @@ use crate::progress::Progress;
 use crate::scene::{Scene, Written};
 use crate::visibility::Visibility;
 
-/// What every method works on.
+/// The input of every method.
 #[derive(Clone, Copy)]
 pub struct Input<'a> {
     /// The scene that the patches are cut from.
     pub scene: &'a Scene,
     /// The patches.
     pub mesh: &'a Mesh,
-    /// Who sees whom.
+    /// The visibility between patches.
     pub visibility: &'a dyn Visibility,
     /// True if no face can block another (see [`is_convex_and_empty`](crate::scene::topology::is_convex_and_empty)):
     /// methods between pairs of patches then trace no ray.
@@ -181,14 +181,14 @@ impl PairCounts {
         })
     }
 
-    /// Tells whether the error of every pair is within the tolerance, as far as pairs are counted that are not.
+    /// Returns whether the error of every pair is within the tolerance, as far as pairs are counted that are not.
     #[must_use]
     pub fn tolerance_met(&self) -> bool {
         self.n_above_tolerance == 0 && self.n_above_by_rounding == 0
     }
 }
 
-/// What rounded coordinates leave in doubt of form factors: more digits help, or coordinates nearer to the origin.
+/// The uncertainty of form factors from rounded coordinates: more digits help, or coordinates nearer to the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RoundingDoubt {
     /// Pairs above the tolerance.
@@ -246,7 +246,7 @@ pub trait FormFactorMethod: Sync {
         false
     }
 
-    /// Tells whether exchange areas are symmetric, with the noise of rays from one patch of a pair to the other.
+    /// Returns whether exchange areas are symmetric, with the noise of rays from one patch of a pair to the other.
     fn has_noisy_pairs(&self) -> bool {
         false
     }

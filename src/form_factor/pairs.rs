@@ -22,7 +22,7 @@ pub(super) struct Exchange {
     pub(super) error: f64,
 }
 
-/// What one thread computes pairs with; made once for every tile.
+/// A worker that computes pairs on one thread; made once for every tile.
 pub(super) trait PairWorker {
     /// Computes the exchange areas of patch `i` with each of `others`, all of which face it, in their order.
     ///

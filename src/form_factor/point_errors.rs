@@ -1,4 +1,4 @@
-//! What methods that look from a few points of a patch say of their error: what the points see, against what the patch sees.
+//! Errors of methods that sample a few points of a patch: the visibility of the points against that of the patch.
 
 use super::Input;
 use super::facing::{self, Facing};

@@ -1,4 +1,4 @@
-//! What rounded coordinates leave open of exchange areas and form factors: one place for all methods.
+//! The uncertainty of exchange areas and form factors from rounded coordinates: one place for all methods.
 
 mod behind;
 
@@ -74,7 +74,7 @@ struct End {
     vertices: Vec<Vertex>,
     /// The greatest distance by which a vertex may be off, in m.
     off: f64,
-    /// What part of the way of each vertex a corner goes.
+    /// The fraction of each vertex's displacement that a corner follows.
     shares: Vec<[f64; 4]>,
 }
 
@@ -112,7 +112,7 @@ impl End {
     }
 }
 
-/// What the form factors of two patches change by where a vertex moves, per m.
+/// The change of the form factors of two patches where a vertex moves, per m.
 #[derive(Clone, Copy, Debug)]
 struct Term {
     vertex: Vertex,
@@ -226,7 +226,7 @@ impl Rounded {
         })
     }
 
-    /// Returns the most that rounding can leave open of an exchange area, m², to the first order and with so many occluders about as long as the patches, for where that is next to nothing.
+    /// Returns a first-order bound of the rounding error of an exchange area, m², with so many occluders about as long as the patches. It serves where that error is negligible.
     ///
     /// The irradiance vector of a patch at a distance r is A / (π r²) at most, and 1.
     pub(super) fn rough(&self, [i, j]: [usize; 2], exchange: f64, n_occluders: usize) -> f64 {
@@ -431,7 +431,7 @@ fn flux_through(x: DVec3, from: &End, to: &End) -> DVec3 {
     point_form_factor_vector(x, &seen)
 }
 
-/// What rounding adds to the errors of methods that know nothing of it.
+/// The part of rounding in the errors of methods that ignore it.
 pub(super) struct RoundedRows<'a> {
     input: Input<'a>,
     rounded: Rounded,
@@ -441,7 +441,7 @@ pub(super) struct RoundedRows<'a> {
     facing: Facing,
 }
 
-/// What rounding adds is not looked at any closer where about so much of it is below this part of the error without it: a fifth of the noise of a few rays is no more than their number tells of that.
+/// Rounding is not refined where about so much of it is below this part of the error without it: a fifth of the noise of a few rays is no more than their number can show.
 const NEGLIGIBLE: f64 = 0.2;
 
 /// Form factors of patches behind each other that may be no more than this are not stated.

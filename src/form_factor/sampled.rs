@@ -1,4 +1,4 @@
-//! What the methods between pairs share: points on both patches, rays between them, and an exchange area from their sums.
+//! The common part of methods between pairs: points on both patches, rays between them, and an exchange area from their sums.
 
 use super::facing;
 use super::pairs::{self, Exchange, PairWorker};
@@ -113,7 +113,7 @@ pub(super) fn join_all(
 /// Points along each side of a triangle of the part of a patch in front of another one's plane.
 const POINTS_OF_PART: usize = 2;
 
-/// Adds segments between the parts of two patches that lie in front of each other's planes, to a pair that has no segment yet: of a sliver above the horizon the patches' own points may hold none, and
+/// Adds segments between the visible parts of two patches to a pair without a segment: of a sliver above the horizon the patches' own points may hold none, and
 /// without a ray it would count as half visible.
 pub(super) fn join_parts_in_front(segments: &mut Segments<'_>, mesh: &Mesh, owner: usize, [i, j]: [usize; 2]) {
     if segments.has_segment(owner) {

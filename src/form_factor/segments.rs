@@ -57,7 +57,7 @@ pub(super) struct PairSums {
     pub(super) all: f64,
     /// Σ w over the segments that nothing blocks.
     pub(super) open: f64,
-    /// What the kernel at the points makes of the exchange area, Σ A_i A_j w_p w_s k_ps in m².
+    /// The exchange area from the kernel at the points, Σ A_i A_j w_p w_s k_ps in m².
     pub(super) by_kernel: f64,
     all_squared: f64,
     open_squared: f64,

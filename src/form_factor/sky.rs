@@ -11,11 +11,11 @@ use crate::mesh::Mesh;
 /// The fractions of the light of patches, or of surfaces, that fronts receive, and that none does.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SkyFactors {
-    /// What escapes.
+    /// The fraction that escapes.
     pub sky: Vec<Fraction>,
-    /// What black backs take.
+    /// The fraction that black back faces absorb.
     pub back: Vec<Fraction>,
-    /// What fronts receive: Σ_j F_ij, the sum of a row.
+    /// The fraction that fronts receive: Σ_j F_ij, the row sum.
     pub received: Vec<Fraction>,
 }
 

@@ -81,7 +81,7 @@ impl Change {
 
     /// Returns whether anything that moved reaches, or reached, in between two convex polygons, which stayed. May err on the side of true.
     ///
-    /// What holds for two polygons holds for all their parts. Tolerance: that of [`OccluderIndex`](crate::visibility::occluders::OccluderIndex).
+    /// A result for two polygons holds for all their parts. Tolerance: that of [`OccluderIndex`](crate::visibility::occluders::OccluderIndex).
     pub(super) fn may_come_between(&self, p: &[DVec3], q: &[DVec3]) -> bool {
         let Some(shaft) = Shaft::new(p, q, 0.0) else {
             return false;

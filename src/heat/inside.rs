@@ -36,7 +36,7 @@ impl Solids {
         self.pieces.of_face(face)
     }
 
-    /// Tells whether a point is inside of one of the pieces whose backs it sees.
+    /// Returns whether a point is inside of one of the pieces whose backs it sees.
     ///
     /// By the winding number Σ Ω / 4π over its faces, positive where their backs are seen: 1 inside of a closed piece that faces outwards and 0 outside of it, above 1/2 also inside of one with a single flat
     /// opening. Source: A. Jacobson, L. Kavan, O. Sorkine-Hornung, "Robust inside-outside segmentation using generalized winding numbers", ACM Transactions on Graphics 32(4), 2013. Departures: none.

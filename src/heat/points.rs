@@ -290,7 +290,7 @@ struct Seen {
     error: f64,
 }
 
-/// Returns what the solar band adds to σ T⁴ of a standing person, W·m⁻²: (0.7 / 0.97) (f_p I + Σ F B), with the projected area factor f_p = 0.308 cos(h (0.998 − h² / 50000)) of the sun's height h in degrees.
+/// Returns the solar part of σ T⁴ of a standing person, W·m⁻²: (0.7 / 0.97) (f_p I + Σ F B), with the projected area factor f_p = 0.308 cos(h (0.998 − h² / 50000)) of the sun's height h in degrees.
 fn on_person(boundary: &Boundary, solar: Stated, sun: Stated) -> Stated {
     let up = boundary.sky.map_or(DVec3::Z, |sky| sky.up());
     let height = boundary

@@ -117,7 +117,7 @@ pub enum DiskError {
     Unwritable {
         /// The directory.
         directory: PathBuf,
-        /// What kind of error it was.
+        /// The kind of the error.
         kind: io::ErrorKind,
         /// The operating system's message.
         reason: String,
@@ -126,7 +126,7 @@ pub enum DiskError {
     Unreadable {
         /// The directory.
         directory: PathBuf,
-        /// What kind of error it was.
+        /// The kind of the error.
         kind: io::ErrorKind,
         /// The operating system's message.
         reason: String,

@@ -90,7 +90,7 @@ impl RowTally {
         self.noise_of(factor) * hits.powf(-0.125)
     }
 
-    /// Returns the standard error of a form factor that none of the row's N rays has hit and that the rays of the other patch say is `factor`: that of a count, sqrt(F / N). Rays that are not
+    /// Returns the standard error of a form factor without a hit among the row's N rays, if the other patch's rays give `factor`: that of a count, sqrt(F / N). Rays that are not
     /// independent count as if they were. 0 without rays.
     pub(crate) fn noise_of_missed(&self, factor: f64) -> f64 {
         let n = self.effective_rays().unwrap_or(self.n_rays as f64);

@@ -22,7 +22,7 @@ const NEAR: f64 = 1e-6;
 const PLACES: f64 = 4.0;
 const FAR: f64 = 2e-3;
 
-/// Faces that end within this part of the smaller one's size of another hang over it: light passes below them, but a patch that runs on there would carry far more from one side to the other.
+/// A face that ends within this fraction of the smaller one's size above another also cuts it. Light passes below such a face, but a patch across the gap would leak far more.
 /// The size is that of all faces which continue them in their planes.
 const ALMOST: f64 = 1e-3;
 

@@ -46,7 +46,7 @@ pub trait Ranks: Debug + Send + Sync {
     /// Takes the next of `n` chunks of a piece of work, unless it is `window` chunks or more ahead of the rank that [needs](Self::needs) the earliest.
     fn claim(&self, work: u64, n: u64, window: u64) -> Claim;
 
-    /// Tells that this rank has taken in all results of a piece of work before those of `chunk`.
+    /// Reports that this rank has received all results of a piece of work before those of `chunk`.
     fn needs(&self, work: u64, chunk: u64);
 
     /// Sends the result of a chunk to all other ranks.
@@ -64,7 +64,7 @@ pub trait Ranks: Debug + Send + Sync {
     /// Ends all ranks at once.
     fn abort(&self, code: u8) -> !;
 
-    /// Tells whether this rank prints and writes files.
+    /// Returns whether this rank prints and writes files.
     fn is_first(&self) -> bool {
         self.rank() == 0
     }
@@ -108,7 +108,7 @@ pub struct Verdict {
     pub aborts: bool,
 }
 
-/// What a rank sent.
+/// The messages that a rank sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Collective operations.

@@ -31,7 +31,7 @@ const NAPS: [(u32, Duration); 3] = [
 /// How long a rank that failed waits for the others to end as well.
 const GRACE: Duration = Duration::from_secs(3);
 
-/// What messages are about.
+/// The subjects of messages.
 const RESULT: i32 = 1;
 const CLAIM: i32 = 2;
 const GRANT: i32 = 3;
@@ -56,7 +56,7 @@ pub(super) struct World {
     thread: Mutex<Option<JoinHandle<()>>>,
 }
 
-/// What the thread does for others.
+/// The requests that the thread serves.
 #[derive(Debug)]
 enum Command {
     AllGather(Vec<u8>, SyncSender<Vec<Vec<u8>>>),
@@ -71,7 +71,7 @@ enum Command {
 /// Chunks with their results, by pieces of work.
 type Inbox = BTreeMap<u64, Vec<(u64, Vec<u8>)>>;
 
-/// What threads read that do not call MPI.
+/// The state for threads that do not call MPI.
 #[derive(Debug, Default)]
 struct Shared {
     /// Results of chunks, by pieces of work.
@@ -206,7 +206,7 @@ struct Thread {
     shared: Arc<Shared>,
     /// Commands that take time, in order.
     waiting: VecDeque<Command>,
-    /// Who waits for a chunk here.
+    /// The ranks that wait for a chunk here.
     claiming: Option<SyncSender<Claim>>,
     /// First parts of results, by ranks.
     begun: BTreeMap<Rank, Vec<u8>>,
@@ -216,7 +216,7 @@ struct Thread {
     ends: BTreeMap<usize, End>,
     /// On rank 0: when the first one failed.
     failed: Option<Instant>,
-    /// Who waits for how the program ends.
+    /// The ranks that wait for the end of the program.
     ending: Option<SyncSender<Verdict>>,
     is_over: bool,
     /// How often it slept since there was anything to do.

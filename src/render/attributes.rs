@@ -119,7 +119,7 @@ impl Attributes {
         }
     }
 
-    /// Says that the image is a field of form factors.
+    /// Marks the image as a field of form factors.
     #[must_use]
     pub fn with_field(mut self, record: FieldRecord) -> Self {
         self.field = Some(record);

@@ -39,14 +39,14 @@ impl<'a> ClearParts<'a> {
     }
 }
 
-/// What the points of one patch see of one emitter.
+/// The visible part of one emitter from the points of one patch.
 enum Seen {
     Not,
     Whole,
     Behind(Box<VisibleFactor>),
 }
 
-/// What was found out about pairs of a patch and an emitter, by one thread.
+/// The pairs of a patch and an emitter that one thread has classified.
 ///
 /// A point within the rounding of a ray's f32 coordinates (1e-7 of a face) of its patch's border may be taken for a neighbour's.
 #[derive(Default)]

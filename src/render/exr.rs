@@ -221,7 +221,7 @@ const NUMBER_BYTE: u128 = 10;
 
 /// Returns the memory that reading a file and [`verify`](super::verify::verify) take, as its header promises.
 ///
-/// What a pipe will give cannot be told, and counts as nothing.
+/// The size of a pipe's content is unknown, and counts as nothing.
 ///
 /// # Errors
 /// [`RenderError::Io`], [`RenderError::NotExr`].

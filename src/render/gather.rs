@@ -241,7 +241,7 @@ pub(super) fn first_rays(n_pixels: usize) -> u32 {
 pub(super) struct GatherScratch {
     rays: RayBatch,
     hits: HitBatch,
-    /// What the rays bring, where that is wanted.
+    /// The radiance of the rays, where that is wanted.
     pub(super) pool: Option<LightPool>,
 }
 

@@ -9,7 +9,7 @@
 //! V(n) = (1/n) · E[(b − b̄)² ; b ∈ Q]
 //! ```
 //!
-//! What is more frequent is met by several of a pixel's sixteen nets, and shows in their spread. Where the brightest is met, V falls as 1/n²: it costs rays only where light is rare.
+//! More frequent light is met by several of a pixel's sixteen nets, and shows in their spread. Where the brightest is met, V falls as 1/n²: it costs rays only where light is rare.
 //!
 //! Not seen: light that none of N pooled rays met, with 95 % confidence less than 3/N of all that is to be met (the rule of three): 5·10⁻⁵ for a whole block of 64 rays a pixel, 7·10⁻⁴ for the 4096 rays that
 //! the smallest blocks begin with. Where few pixels of a block see the rare light, the variance of these is stated too small, by their share of the block's pixels at most; where few do not see it, as on
@@ -29,7 +29,7 @@ const N_BINS: usize = 1 << (31 - BIN_SHIFT);
 /// Numbers of rays are looked up by their powers of two; a pixel has 2^24 at most, and those of its last part.
 const N_POWERS: usize = 32;
 
-/// What rays of about equal brightness brought.
+/// The sum of rays of about equal brightness.
 #[derive(Clone, Copy, Default)]
 struct Bin {
     n: f64,

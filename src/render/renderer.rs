@@ -64,7 +64,7 @@ struct Seen {
     sky: Vec<[f64; 3]>,
 }
 
-/// What all samples that show the front of one surface bring together.
+/// The sum of all samples that show the front of one surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct SurfaceSum {
     pub(super) n_samples: u64,

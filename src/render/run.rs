@@ -43,7 +43,7 @@ use crate::progress::Progress;
 /// Where light comes from something small and bright, all first rays of a pixel may miss it, and agree on too little light. So the rays that the pixels of a block of 32 × 32 begin with, 64 a pixel
 /// and 4096 in all at least, are pooled: no pixel of the block has a smaller variance than what n rays would have that meet the rarest 1/n of the pooled light by chance. What none of the pooled rays
 /// met is not seen: light from less than some 5·10⁻⁵ of all directions, weighed by their cosines, in a whole block, and 7·10⁻⁴ in the smallest.
-/// What is left is the error of the solution, averaged over the hemisphere.
+/// The remaining error is that of the solution, averaged over the hemisphere.
 ///
 /// Error of the irradiance, `cornell-box`, 96 × 96 pixels of one sample, 1158 patches (`--max-edge 0.06`); the reference is final gather with a noise of 0.002; errors relative to the
 /// mean (root mean square) and to the pixel (median):

@@ -108,7 +108,7 @@ pub(super) struct FirstLook<'a> {
 }
 
 impl FirstLook<'_> {
-    /// Returns 1 if an edge is in a pixel or within half a pixel of it, 2 if there is an edge of an emitter in it or in a pixel beside it, else 0.
+    /// Returns 2 for a pixel with an edge of an emitter in it or beside it, 1 for one with another edge within half a pixel, else 0.
     pub(super) fn edge_level(&self, pixel: (u32, u32)) -> usize {
         let column = (pixel.0 - self.corner.0) as usize;
         let row = (pixel.1 - self.corner.1) as usize;

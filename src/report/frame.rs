@@ -1,4 +1,4 @@
-//! The parts that all plots share: paper, heading, axes, legend, colours and marks.
+//! The parts that all plots share: paper, heading, axes, legend.
 
 use std::fmt::Write as _;
 
@@ -7,11 +7,12 @@ use plotters::coord::Shift;
 use plotters::coord::cartesian::Cartesian2d;
 use plotters::coord::ranged1d::{Ranged, ValueFormatter};
 use plotters::drawing::{DrawingArea, DrawingAreaErrorKind};
-use plotters::element::{Circle, PathElement, Polygon, Rectangle, Text};
+use plotters::element::{PathElement, Text};
 use plotters::prelude::{ChartBuilder, Color, IntoDrawingArea, RGBColor, SVGBackend, ShapeStyle};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters::style::{FontStyle, FontTransform, IntoTextStyle, TextStyle, register_font};
 
+use super::mark::{colour, line_width};
 use super::paper::{Canvas, HEIGHT, Paper, WIDTH};
 
 /// A plot could not be drawn.
@@ -28,18 +29,6 @@ pub(super) type Hints = Vec<((i32, i32), String)>;
 /// A part of the paper.
 pub(super) type Area<'a> = DrawingArea<Paper<'a>, Shift>;
 
-/// Colours that people with any colour vision can tell apart (M. Okabe and K. Ito, "Color Universal Design", 2008), without the yellow,
-/// which is too faint for lines on white.
-const PALETTE: [RGBColor; 7] = [
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(0, 0, 0),
-    RGBColor(86, 180, 233),
-    RGBColor(230, 159, 0),
-];
-
 /// The part of the width that the legend takes.
 const LEGEND: i32 = 200;
 /// From one line of the legend to the next.
@@ -55,6 +44,14 @@ pub(super) struct Frame<'a> {
     pub(super) plot: Area<'a>,
     pub(super) legend: Legend<'a>,
     pub(super) hints: Hints,
+    /// The names of what is shown, each with the number of its colour and mark.
+    pub(super) keys: Vec<(String, usize)>,
+}
+
+/// The parts of an SVG that are not drawn.
+struct Notes {
+    hints: Hints,
+    keys: Vec<(String, usize)>,
 }
 
 /// The list of what is shown, from top to bottom.
@@ -63,16 +60,17 @@ pub(super) struct Legend<'a> {
     y: i32,
 }
 
-/// Makes an SVG of what `draw` draws. Text is laid out in DejaVu Sans; equal input gives equal bytes.
+/// Makes an SVG of what `draw` draws, with a sentence that describes it. Text is laid out in DejaVu Sans; equal input gives equal bytes.
 pub(super) fn to_svg(
     title: &str,
     subtitle: &str,
+    description: &str,
     draw: impl FnOnce(&mut Frame<'_>) -> DrawResult,
 ) -> Result<String, PlotError> {
     let mut svg = String::new();
     let paper = Paper::Svg(SVGBackend::with_string(&mut svg, (WIDTH, HEIGHT)));
-    let hints = on_paper(paper, title, subtitle, draw)?;
-    Ok(with_hints(&svg, &hints))
+    let notes = on_paper(paper, title, subtitle, draw)?;
+    Ok(with_notes(&svg, description, &notes))
 }
 
 /// Makes a PNG of what `draw` draws, with the layout of [`to_svg`], two pixels to its unit of length.
@@ -86,12 +84,24 @@ pub(super) fn to_png(
     canvas.to_png().map_err(|error| PlotError(error.to_string()))
 }
 
-/// Adds a circle that is not seen for every point, above everything else; its title is what a browser shows.
-fn with_hints(svg: &str, hints: &Hints) -> String {
+/// Adds the description, a line `STYLE NAME` for each name as metadata, and a circle that is not seen for every point, above everything else;
+/// its title is what a browser shows.
+fn with_notes(svg: &str, description: &str, notes: &Notes) -> String {
+    let escaped = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;");
     let body = svg.trim_end().trim_end_matches("</svg>");
-    let mut text = body.to_owned();
-    for ((x, y), hint) in hints {
-        let hint = hint.replace('&', "&amp;").replace('<', "&lt;");
+    let (head, drawing) = body.split_at(body.find('>').map_or(0, |end| end + 1));
+    let keys: Vec<String> = notes
+        .keys
+        .iter()
+        .map(|(name, style)| format!("{style} {}", escaped(name)))
+        .collect();
+    let mut text = format!(
+        "{head}\n<desc>{}</desc>\n<metadata>{}</metadata>{drawing}",
+        escaped(description),
+        keys.join("\n")
+    );
+    for ((x, y), hint) in &notes.hints {
+        let hint = escaped(hint);
         // Writing to a String cannot fail.
         let _ = writeln!(
             text,
@@ -107,7 +117,7 @@ fn on_paper<'a>(
     title: &str,
     subtitle: &str,
     draw: impl FnOnce(&mut Frame<'a>) -> DrawResult,
-) -> Result<Hints, PlotError> {
+) -> Result<Notes, PlotError> {
     register_fonts()?;
     sheet(paper, title, subtitle, draw).map_err(|error| PlotError(error.to_string()))
 }
@@ -117,7 +127,7 @@ fn sheet<'a>(
     title: &str,
     subtitle: &str,
     draw: impl FnOnce(&mut Frame<'a>) -> DrawResult,
-) -> Result<Hints, Box<dyn std::error::Error>> {
+) -> Result<Notes, Box<dyn std::error::Error>> {
     let root = paper.into_drawing_area();
     root.fill(&WHITE)?;
     let heading = (FONT, 18.0, FontStyle::Bold).into_text_style(&root);
@@ -132,10 +142,14 @@ fn sheet<'a>(
         plot,
         legend,
         hints,
+        keys: Vec::new(),
     };
     draw(&mut frame)?;
     frame.root.present()?;
-    Ok(frame.hints)
+    Ok(Notes {
+        hints: frame.hints,
+        keys: frame.keys,
+    })
 }
 
 /// Draws axes with a mesh, and returns the chart to draw on.
@@ -213,31 +227,12 @@ pub(super) fn text(size: f64) -> TextStyle<'static> {
     TextStyle::from((FONT, size)).transform(FontTransform::None)
 }
 
-/// Returns the colour of a style.
-pub(super) fn colour(style: usize) -> RGBColor {
-    PALETTE[style % PALETTE.len()]
-}
-
 /// Returns the line of a style, thinner in the second round of colours.
 pub(super) fn line(style: usize) -> ShapeStyle {
-    colour(style).stroke_width(if style < PALETTE.len() { 2 } else { 1 })
+    colour(style).stroke_width(line_width(style))
 }
 
 /// Returns the line between the marks of a style.
 pub(super) fn faint_line(style: usize) -> ShapeStyle {
     colour(style).mix(0.55).stroke_width(1)
-}
-
-/// Draws the mark of a style; the shape changes with the colour, and is another one in the second round of colours.
-pub(super) fn mark(area: &Area<'_>, (x, y): (i32, i32), style: usize) -> DrawResult {
-    let fill = colour(style).filled();
-    let corners = |shape: &[(i32, i32)]| -> Vec<(i32, i32)> { shape.iter().map(|(dx, dy)| (x + dx, y + dy)).collect() };
-    match (style + style / PALETTE.len()) % 5 {
-        0 => area.draw(&Circle::new((x, y), 4, fill))?,
-        1 => area.draw(&Rectangle::new([(x - 4, y - 4), (x + 4, y + 4)], fill))?,
-        2 => area.draw(&Polygon::new(corners(&[(0, -5), (5, 4), (-5, 4)]), fill))?,
-        3 => area.draw(&Polygon::new(corners(&[(0, -6), (6, 0), (0, 6), (-6, 0)]), fill))?,
-        _ => area.draw(&Polygon::new(corners(&[(0, 5), (5, -4), (-5, -4)]), fill))?,
-    }
-    Ok(())
 }

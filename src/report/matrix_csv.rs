@@ -8,7 +8,7 @@ use super::sky::SkyColumns;
 use crate::matrix::SurfaceRows;
 use crate::scene::Scene;
 
-/// Writes one row for every pair of surfaces: from, to, area of the former in m², form factor, estimate of its absolute error, and of the former what escapes and what backs take of its light.
+/// Writes one row for every pair of surfaces: from, to, area of the former in m², form factor, its absolute error, and the sky and back factors of the former.
 ///
 /// The description stands before the table in lines that begin with `#`. Numbers have the fewest digits that read back as the same
 /// f64. Names are quoted where they need it (RFC 4180).

@@ -19,6 +19,8 @@ pub mod heat;
 mod log_axis;
 #[cfg(feature = "reports")]
 mod machine;
+#[cfg(feature = "reports")]
+mod mark;
 mod matrix_csv;
 mod matrix_exr;
 mod memory;

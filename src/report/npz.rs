@@ -291,7 +291,7 @@ struct Member {
     check: Check,
 }
 
-/// What the bytes that were read hash to, and what they should.
+/// The hash of the bytes that were read, and the expected one.
 enum Check {
     Crc32(crc32fast::Hasher, u32),
     Sha256(Box<Sha256>, String),

@@ -4,10 +4,11 @@ use std::fmt::Write as _;
 
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
-use pulldown_cmark::{Event, Options, Parser, Tag, TagEnd, html};
+use pulldown_cmark::{CowStr, Event, Options, Parser, Tag, TagEnd, html};
 use serde_json::Value;
+use sha2::{Digest as _, Sha256};
 
-use super::Machine;
+use super::{Machine, mark};
 
 /// A picture of a page.
 #[derive(Clone, Copy, Debug)]
@@ -33,10 +34,12 @@ pub struct Page<'a> {
     pub machine: &'a Machine,
 }
 
-/// Nothing is loaded and nothing runs: a browser that honours this policy sends no request and no script has a place.
-const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:";
+/// Nothing is loaded: a browser that honours this policy sends no request, and runs no script but [`SCRIPT`].
+const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src";
 
 const STYLE: &str = include_str!("page.css");
+/// It sorts tables; without it the page is complete.
+const SCRIPT: &str = include_str!("page.js");
 
 impl Page<'_> {
     /// Returns the page as HTML 5. It follows the browser's light or dark theme, fits narrow screens (wide tables scroll by themselves), and prints in black on white.
@@ -46,11 +49,12 @@ impl Page<'_> {
     pub fn to_html(&self) -> String {
         let mut page = String::new();
         let title = escaped(self.title);
+        let hash = BASE64_STANDARD.encode(Sha256::digest(SCRIPT));
         // Writing to a String cannot fail.
         let _ = write!(
             page,
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-             <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
+             <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY} 'sha256-{hash}'\">\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
              <meta name=\"color-scheme\" content=\"light dark\">\n<link rel=\"icon\" href=\"data:,\">\n\
              <title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n"
@@ -61,17 +65,36 @@ impl Page<'_> {
         if !self.figures.is_empty() {
             page.push_str("<h2>Figures</h2>\n");
         }
+        push_key(&mut page, &self.marks());
         for figure in &self.figures {
             push_figure(&mut page, figure);
         }
         page.push_str(sections);
         self.push_origin(&mut page);
-        page.push_str("</main>\n</body>\n</html>\n");
+        let _ = write!(page, "</main>\n<script>{SCRIPT}</script>\n</body>\n</html>\n");
         page
     }
 
-    /// Returns the text as HTML. Headers of tables say what they head, and wide tables can be scrolled with the keyboard.
+    /// Returns the names that the plots show, each once with the number of its colour and mark.
+    fn marks(&self) -> Vec<(&str, usize)> {
+        let mut marks: Vec<(&str, usize)> = Vec::new();
+        let plots = self.figures.iter().filter_map(svg);
+        for line in plots
+            .filter_map(|plot| between(plot, "<metadata>", "</metadata>"))
+            .flat_map(str::lines)
+        {
+            let key = line
+                .split_once(' ')
+                .and_then(|(style, name)| Some((name, style.parse().ok()?)));
+            marks.extend(key.filter(|(name, _)| marks.iter().all(|(known, _)| known != name)));
+        }
+        marks
+    }
+
+    /// Returns the text as HTML. Headers of tables are buttons that sort by their column, names of the plots have their marks, and wide tables can be
+    /// scrolled with the keyboard.
     fn report_body(&self) -> String {
+        let marks = self.marks();
         let events = Parser::new_ext(self.report, Options::ENABLE_TABLES);
         // A report is text: what looks like markup is not meant so.
         let as_text = events.map(|event| match event {
@@ -80,8 +103,31 @@ impl Page<'_> {
             Event::Start(Tag::Image { .. }) | Event::End(TagEnd::Image) => Event::Text("".into()),
             other => other,
         });
+        let (mut is_head, mut is_cell) = (false, false);
+        let with_marks = as_text.flat_map(|event| {
+            match &event {
+                Event::Start(Tag::TableHead) => is_head = true,
+                Event::End(TagEnd::TableHead) => is_head = false,
+                Event::Start(Tag::TableCell) => is_cell = true,
+                Event::End(TagEnd::TableCell) => is_cell = false,
+                _ => {}
+            }
+            let markup = |text: String| Event::InlineHtml(CowStr::from(text));
+            let (before, after) = match &event {
+                Event::Start(Tag::TableCell) if is_head => (None, Some(markup("<button type=\"button\">".to_owned()))),
+                Event::End(TagEnd::TableCell) if is_head => (Some(markup("</button>".to_owned())), None),
+                // A setting may follow in brackets.
+                Event::Text(text) if is_cell && !is_head => {
+                    let name = escaped(text.split(" (").next().unwrap_or_default());
+                    let own = marks.iter().find(|(known, _)| *known == name);
+                    (own.map(|(_, style)| markup(mark::inline(*style))), None)
+                }
+                _ => (None, None),
+            };
+            before.into_iter().chain([event]).chain(after)
+        });
         let mut body = String::new();
-        html::push_html(&mut body, as_text);
+        html::push_html(&mut body, with_marks);
         body.replace("<th ", "<th scope=\"col\" ")
             .replace("<th>", "<th scope=\"col\">")
             .replace(
@@ -91,7 +137,7 @@ impl Page<'_> {
             .replace("</table>", "</table></div>")
     }
 
-    /// Says what the figures were made with and on.
+    /// Adds the program, its settings and the machine.
     fn push_origin(&self, page: &mut String) {
         page.push_str("<h2>How this was made</h2>\n<div class=\"wide\"><table class=\"facts\">\n");
         let mut row = |name: &str, value: &str| {
@@ -118,29 +164,54 @@ impl Page<'_> {
     }
 }
 
+/// Adds the list of marks: on a narrow screen the legend of a plot is out of sight.
+fn push_key(page: &mut String, marks: &[(&str, usize)]) {
+    if marks.is_empty() {
+        return;
+    }
+    page.push_str("<ul class=\"key\" aria-label=\"marks of the plots\">\n");
+    for (name, style) in marks {
+        let _ = writeln!(page, "<li>{}{name}</li>", mark::inline(*style));
+    }
+    page.push_str("</ul>\n");
+}
+
 /// Adds a plot as it is, any other picture as data. The style sheet gives plots the page's colours.
 fn push_figure(page: &mut String, figure: &Figure<'_>) {
     let name = escaped(figure.name);
-    let words = caption(&name);
+    let words = words_of(&name);
     page.push_str("<figure>\n");
-    match std::str::from_utf8(figure.content) {
-        Ok(svg) if has_ending(figure.name, "svg") => {
-            let labelled = format!("<svg role=\"img\" aria-label=\"{words}\"");
-            page.push_str(&svg.replacen("<svg", &labelled, 1));
-        }
-        _ => {
-            let data = BASE64_STANDARD.encode(figure.content);
-            let _ = writeln!(page, "<img alt=\"{name}\" src=\"data:image/png;base64,{data}\">");
-        }
-    }
-    let _ = writeln!(
-        page,
-        "<figcaption>{words} (<code>{name}</code>)</figcaption>\n</figure>"
-    );
+    let sentence = if let Some(plot) = svg(figure) {
+        let labelled = format!("<svg role=\"img\" aria-label=\"{words}\"");
+        let _ = writeln!(
+            page,
+            "<div class=\"wide\" role=\"region\" aria-label=\"{words}\" tabindex=\"0\">{}</div>",
+            plot.replacen("<svg", &labelled, 1)
+        );
+        let description = between(plot, "<desc>", "</desc>").unwrap_or_default();
+        format!("{description} The file is <code>{name}</code>.")
+    } else {
+        let data = BASE64_STANDARD.encode(figure.content);
+        let _ = writeln!(page, "<img alt=\"{words}\" src=\"data:image/png;base64,{data}\">");
+        format!("{words} is the image in <code>{name}</code>.")
+    };
+    let _ = writeln!(page, "<figcaption>{}</figcaption>\n</figure>", sentence.trim());
+}
+
+/// Returns the text of a plot, or `None` for another picture.
+fn svg<'a>(figure: &Figure<'a>) -> Option<&'a str> {
+    let text = std::str::from_utf8(figure.content).ok();
+    text.filter(|_| has_ending(figure.name, "svg"))
+}
+
+/// Returns the text from the first `start` to the `end` behind it.
+fn between<'a>(text: &'a str, start: &str, end: &str) -> Option<&'a str> {
+    let (_, rest) = text.split_once(start)?;
+    rest.split_once(end).map(|(inner, _)| inner)
 }
 
 /// Returns the name of a file in words: without its ending, with blanks between the words.
-fn caption(name: &str) -> String {
+fn words_of(name: &str) -> String {
     let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
     let words = stem.replace(['-', '_'], " ");
     let mut letters = words.chars();
@@ -194,7 +265,8 @@ mod tests {
             "<title>a &lt; b</title>",
             "<h1>Head</h1>",
             "tabindex=\"0\"><table><thead>",
-            "<th scope=\"col\">a</th>",
+            "<th scope=\"col\"><button type=\"button\">a</button></th>",
+            "<button type=\"button\">b</button></th>",
             "<td>1</td>",
             "a &lt;processor&gt;",
             "<th scope=\"row\">time limit s</th><td>10.0</td>",
@@ -224,7 +296,36 @@ mod tests {
     }
 
     #[test]
-    fn nothing_is_loaded_and_nothing_runs() {
+    fn a_name_of_the_plots_has_one_mark_everywhere() {
+        let plots = [("a.svg", "3 sr\n12 exact"), ("b.svg", "3 sr")];
+        let plots = plots.map(|(name, keys)| {
+            let desc = "<desc>Each point is one setting.</desc>";
+            (
+                name,
+                format!("<svg width=\"1\">{desc}<metadata>{keys}</metadata></svg>"),
+            )
+        });
+        let figures = plots.iter().map(|(name, content)| Figure {
+            name,
+            content: content.as_bytes(),
+        });
+        let report = "# Head\n\n| method | sr |\n|---|---|\n| sr | sr (64 rays) |\n| exact | other |\n";
+        let html = page(report, figures.collect());
+        let (sr, exact) = (mark::inline(3), mark::inline(12));
+        for part in [
+            format!("<li>{sr}sr</li>"),
+            format!("<li>{exact}exact</li>"),
+            format!("<td>{sr}sr</td><td>{sr}sr (64 rays)</td>"),
+            format!("<td>{exact}exact</td><td>other</td>"),
+            "<figcaption>Each point is one setting. The file is <code>a.svg</code>.</figcaption>".to_owned(),
+        ] {
+            assert!(html.contains(&part), "{part}: {html}");
+        }
+        assert_eq!(html.matches("class=\"mark\"").count(), 2 + 3);
+    }
+
+    #[test]
+    fn nothing_is_loaded_and_only_the_page_s_own_script_runs() {
         let svg = b"<svg width=\"1\" height=\"1\"></svg>";
         let figures = [("a-plot.svg", &svg[..]), ("b.png", b"\x89PNG")];
         let figures = figures.map(|(name, content)| Figure { name, content });
@@ -232,11 +333,12 @@ mod tests {
             "<script>alert(1)</script> ![x](http://example.org/x.png)",
             figures.to_vec(),
         );
-        assert!(!html.contains("<script"), "{html}");
+        assert_eq!(html.matches("<script").count(), 1, "{html}");
+        assert!(SCRIPT.lines().count() < 60 && !SCRIPT.contains("</"));
         assert!(html.contains("&lt;script&gt;"));
         assert!(html.contains("<svg role=\"img\" aria-label=\"A plot\" width=\"1\""));
         assert!(html.contains("data:image/png;base64,iVBORw=="));
-        assert!(html.contains("<figcaption>A plot (<code>a-plot.svg</code>)</figcaption>"));
+        assert!(html.contains("<figcaption>B is the image in <code>b.png</code>.</figcaption>"));
         // Pictures of other places are left out; what is left is data.
         assert!(
             html.matches("src=\"").count() == html.matches("src=\"data:").count(),

@@ -4,8 +4,9 @@ use plotters::element::{Circle, EmptyElement, PathElement};
 use plotters::prelude::Color;
 
 pub use super::frame::PlotError;
-use super::frame::{self, Area, DrawResult, Frame, GREY, axes, colour, dashes, faint_line, mark};
+use super::frame::{self, Area, DrawResult, Frame, GREY, axes, dashes, faint_line};
 use super::log_axis::LogAxis;
+use super::mark::{colour, mark};
 
 /// A measured value with the range in which repeated measurements lay.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,7 +38,7 @@ impl Ranged {
 /// One setting of a method.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlotPoint {
-    /// What the setting is, for a browser to show where the mouse rests.
+    /// The setting in words; a browser shows it where the mouse rests.
     pub setting: String,
     /// Run time, s.
     pub time_s: Ranged,
@@ -85,7 +86,16 @@ impl ErrorTimePlot {
     /// # Errors
     /// [`PlotError`] if the drawing library fails.
     pub fn to_svg(&self) -> Result<String, PlotError> {
-        frame::to_svg(&self.title, &self.subtitle, |frame| self.draw(frame))
+        let description = format!(
+            "Each point is one setting of a method: its {} against its run time. Lower left is better{}.",
+            self.error_label,
+            if self.points().any(|point| point.on_front) {
+                "; rings mark the Pareto front"
+            } else {
+                ""
+            }
+        );
+        frame::to_svg(&self.title, &self.subtitle, &description, |frame| self.draw(frame))
     }
 
     /// Draws the same as a PNG, two pixels to the unit of length of the SVG.
@@ -143,6 +153,7 @@ impl ErrorTimePlot {
 
     fn draw_legend(&self, frame: &mut Frame<'_>, has_reference: bool) -> DrawResult {
         for series in &self.series {
+            frame.keys.push((series.name.clone(), series.style));
             frame.legend.entry(&series.name, |area, place| {
                 dashes(area, place, faint_line(series.style), &[(-15, 15)])?;
                 mark(area, place, series.style)
@@ -227,7 +238,7 @@ mod tests {
             error_label: "error".to_owned(),
             series: vec![Series {
                 name: "some-method".to_owned(),
-                style: 9,
+                style: 7,
                 points: errors.iter().enumerate().map(point).collect(),
             }],
             reference_error: Some(1e-9),
@@ -247,7 +258,7 @@ mod tests {
         ] {
             assert!(svg.contains(text), "{text}");
         }
-        // Style 9 is a circle in the second round: three points and the legend; the first point is on the front, all have hints.
+        // Style 7 is a ring: three points and the legend; the first point is on the front, all have hints.
         assert_eq!(svg.matches("<circle").count(), 3 + 1 + 1 + 1 + 3);
         assert!(
             svg.contains("some-method, 1 &lt; 0.001: 2.000e-2 (1.000e-2 to 4.000e-2) s, error 1.000e-3"),

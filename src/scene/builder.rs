@@ -298,7 +298,7 @@ impl SceneBuilder {
 
     /// Ends the scene: what is drawn on larger faces is cut out of them, surfaces and materials without faces are dropped, materials take the order of their first use.
     ///
-    /// The warnings are of faces: those that are not flat, have no area, or lie on others. Whether the scene emits light is for those to say who want some.
+    /// Warnings name faces that are not flat, have no area, or lie on others. Callers that need light warn of a scene without emitters.
     ///
     /// # Errors
     /// [`SceneErrorKind::NoFaces`], [`SceneErrorKind::OverlappingFaces`] and [`SceneErrorKind::TooBright`].

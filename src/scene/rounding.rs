@@ -28,7 +28,7 @@ impl Scene {
         (HEIGHT * self.rounding()).max(2.0 * bent)
     }
 
-    /// Returns one unit of the last place that the file's coordinates have after the point, whether they are meant as they are or not, in m; 0 for whole numbers, and for a scene made in memory.
+    /// Returns one unit in the last decimal place of the file's coordinates, in m; 0 for whole numbers, and for a scene made in memory.
     pub(crate) fn last_place(&self) -> f64 {
         let written = self.written.filter(|written| written.is_rounded(1));
         let coordinates = self.vertices.iter().flat_map(glam::DVec3::to_array);

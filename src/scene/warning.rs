@@ -169,7 +169,7 @@ pub enum SceneWarningKind {
     /// A material in use has a texture, which is not read: its `Kd` or `Ke` counts.
     #[error("the texture of material `{}` is not read; its `{keyword}` counts everywhere", quoted(.name))]
     IgnoredTexture {
-        /// What counts in its place.
+        /// The value that counts in its place.
         keyword: &'static str,
         /// The material's name.
         name: String,

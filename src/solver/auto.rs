@@ -21,7 +21,7 @@ use super::vectors::equal_channels;
 
 /// Looks at the system and takes the solver that will be fastest.
 ///
-/// What it looks at costs no pass over F, with one exception: whether the exchange areas are symmetric, the number of patches n, of channels, and of distinct reflectances, the tolerance, and
+/// The choice costs no pass over F, with one exception: whether the exchange areas are symmetric, the number of patches n, of channels, and of distinct reflectances, the tolerance, and
 /// from the reflectances and row sums s_i the greatest mean reflectance ρ_avg of a component that emits and bounds of the spectral radius λ of
 /// diag(ρ) F: λ ≤ max ρ_i s_i, and λ ≥ min ρ_i s_i (Collatz and Wielandt with the vector 1). Only where λ may be so near 1 that an iteration could take
 /// several times as long as a factorisation, one pass over F estimates the mean of the squared eigenvalues: near 0 in a room, where they cluster and
@@ -33,7 +33,7 @@ use super::vectors::equal_channels;
 /// - `pcg` where the exchange areas are symmetric: the fewest passes at every ρ, and symmetric storage halves each.
 /// - else `gmres`.
 ///
-/// `gauss-seidel` is never taken for more than one patch: a sweep takes 1.3 to 2 times as long as a pass on one core where the matrix is in full, four times where it is sparse, and does not gain by further cores.
+/// `gauss-seidel` is never taken for more than one patch: a sweep takes longer than a pass, most where the matrix is sparse, and does not gain by further cores.
 /// `multigrid` is never taken, even where there is a hierarchy: in the room of Lewis its setup, 4 cycles and a check are 7.1 passes for the 8 to 10 of `gmres`, but the sweeps among
 /// them run on one core, while all of those run on every core, and which is faster must not depend on how many there are. `chebyshev` takes more passes than conjugate gradients wherever these can be used.
 ///

@@ -98,7 +98,7 @@ pub(crate) fn carried_error_with(
     })
 }
 
-/// Returns all orders of the error that the sources of `system` make; `reflected`: ρ H of the light that has converged, or `None`, and then the first order; `next`: the sources that an error taken for light makes.
+/// Returns all orders of the error that the sources of `system` cause. `reflected` is ρ H of the converged light, or `None` for the first order; `next` returns the sources that an error causes.
 pub(crate) fn carried(
     system: &RadiositySystem,
     reflected: Option<&Block>,

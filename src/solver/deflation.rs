@@ -176,7 +176,7 @@ pub(super) struct Deflation {
     factors: Block,
 }
 
-/// ⟨z, K z⟩ below this share of ⟨z, z⟩ is rounding, or negative: a white, closed component, whose even light is undetermined, or a K that is not positive definite, which the iteration will find.
+/// ⟨z, K z⟩ below this fraction of ⟨z, z⟩ is rounding, or negative: a white, closed component with undetermined even light, or a K that is not positive definite.
 const RESOLVED_FROM: f64 = 1e-14;
 
 impl Deflation {
@@ -203,7 +203,7 @@ impl Deflation {
         }
     }
 
-    /// Takes the even part out of the residual in the channels that `need` it, and puts what it stands for into x: x ← x + Z μ, r ← r − K Z μ, ⟨z_K, r⟩ = 0.
+    /// Moves the even part of the residual into x in the channels that `need` it: x ← x + Z μ, r ← r − K Z μ, ⟨z_K, r⟩ = 0.
     pub(super) fn solve(&self, x: &mut Block, residual: &mut Block, need: impl Fn(usize) -> bool) {
         let mut amounts = self.amounts(&self.z, residual);
         keep_channels(&mut amounts, need);
@@ -225,7 +225,7 @@ impl Deflation {
     }
 }
 
-/// The vectors u_K = ρ on component K, 0 elsewhere (an even irradiance on K), and what G = I − diag(ρ) F makes of them, in units in which ‖G u_K‖ = 1.
+/// The vectors u_K = ρ on component K, 0 elsewhere (an even irradiance on K), and G u_K with G = I − diag(ρ) F, in units in which ‖G u_K‖ = 1.
 ///
 /// Components share no patch, so that the images are orthonormal.
 pub(super) struct EvenLight {

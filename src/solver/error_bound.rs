@@ -22,7 +22,7 @@ const MAX_PASSES: usize = 16;
 ///
 /// The smaller of the two counts. v = 1 costs nothing, as row sums are known: λ = max_i ρ_i s_i. Where that proves nothing,
 /// because some patch reflects everything, v ← 1 + diag(ρ) F v looks one reflection further, one pass over F each.
-/// What rounding can make of them is added to |r| and taken from G v, (max(16 n^½, n / 8) + 70) 2⁻⁵³ times |E| + |B| + ρ F |B| and v + ρ F v (see the operator of
+/// Their rounding errors are added to |r| and taken from G v, (max(16 n^½, n / 8) + 70) 2⁻⁵³ times |E| + |B| + ρ F |B| and v + ρ F v (see the operator of
 /// [`FormFactors`](crate::matrix::FormFactors)), so that the bound also holds where 1 − ρ is near rounding. Where B has both signs, F |B| is taken as the row sum times the greatest |B|. Accuracy: rigorous but for form factors that are negative. It bounds
 /// the error of solving, not that of the form factors.
 /// Source: Berman and Plemmons, "Nonnegative Matrices in the Mathematical Sciences", chapter 6, theorem 2.3, for the M-matrix.

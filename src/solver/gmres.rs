@@ -224,7 +224,7 @@ impl State<'_> {
         squared.into_iter().map(f64::sqrt).collect()
     }
 
-    /// Takes the shares of even light and of the basis vectors out of `image` once in the channels that `need` it, and adds them to `shares`, and to the last of those of even light.
+    /// Orthogonalises `image` once against even light and the basis vectors in the channels that `need` it, and adds the coefficients to `shares`.
     fn orthogonalise(&mut self, shares: &mut [Vec<f64>], need: &[bool]) {
         if let (Some(even), Some(total)) = (&self.even, self.even_shares.last_mut()) {
             let mut found = even.shares(&self.image);

@@ -41,7 +41,7 @@ impl Coarsened {
     }
 }
 
-/// Estimates how the radiosities would change if the first level of `hierarchy` were the mesh, from the form factors of the patches that there are; `None` without such a level, or if the estimate was
+/// Estimates the change of the radiosities if the first level of `hierarchy` were the mesh, from the form factors of the present patches; `None` without such a level, or if the estimate was
 /// not found.
 ///
 /// The coarse patches' form factors are means of the fine ones', F_c = R F P with R the area-weighted mean over the children and P their parent's value. So B_c = R E + R ρ F P B_c, and by what it is

@@ -218,7 +218,7 @@ impl Watch {
         }
     }
 
-    /// Takes in one pass, and returns the reason to give up, if there is one: where a channel is beyond all numbers, and where each that does not meet the tolerance has got nowhere for long. `under_way` is what has to
+    /// Records one pass, and returns a reason to give up: a channel that overflows, or no progress for long in any channel above the tolerance. `under_way` is what has to
     /// fall, where it is not the excess.
     pub(super) fn observe(&mut self, excess: &[f64], under_way: Option<f64>) -> Option<StopReason> {
         self.channels.resize(excess.len(), Course::NEW);

@@ -41,7 +41,7 @@ pub struct EmbreeVisibility {
     frame: Frame,
     sheets: Option<Sheets>,
     vanished: Vec<FaceId>,
-    /// What coordinates are multiplied by for Embree; `None` where they stay as they are.
+    /// The factor of coordinates for Embree; `None` where they stay as they are.
     scale: Option<f32>,
 }
 

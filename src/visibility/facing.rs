@@ -1,4 +1,4 @@
-//! Faces that look the wrong way: wound clockwise for those who should see them.
+//! Faces with inverted normals: their winding is clockwise as seen from the faces around them.
 
 use glam::DVec3;
 
@@ -190,7 +190,7 @@ fn is_flat(scene: &Scene) -> bool {
         .all(|v| normal.dot(scene.vertices[v as usize] - first[0]).abs() <= slack)
 }
 
-/// What is looked at as one: a face, or a surface where there are very many faces.
+/// A unit of the search: a face, or a surface where there are very many faces.
 struct Groups {
     of_face: Option<Vec<u32>>,
     n: usize,

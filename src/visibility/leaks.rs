@@ -99,7 +99,7 @@ impl LightLeaks {
         self.sum(|_| 1.0, |_| 1.0).of(self.areas.iter().sum())
     }
 
-    /// Returns the power that leaks in the channel where it is the greatest part of what is emitted, Σ ρ_i L_ij B_j in W: reflected light that leaves a patch where it cannot have arrived.
+    /// Returns the power that leaks, Σ ρ_i L_ij B_j in W, in the channel where it is the greatest part of the emitted power: reflected light that leaves a patch where it cannot have arrived.
     ///
     /// `reflectance`: ρ; `exitance`: E, `radiosity`: B, W·m⁻². Shapes: \[n, c\].
     ///

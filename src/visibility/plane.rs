@@ -7,7 +7,7 @@ use crate::geometry::polygon;
 /// Beyond a polygon, so many times its width off, its plane is asked no more what rounding has made of it.
 pub(crate) const MAX_LEAN: f64 = 100.0;
 
-/// A plane; heights over it are n · (x − p), from a point p of the polygon that it belongs to: far from the origin they keep the digits that x − p has.
+/// A plane. Heights over it are n · (x − p) with p a point of its polygon, which keeps the digits of x − p far from the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Plane {
     /// The unit normal.

@@ -18,7 +18,7 @@ struct Side {
 
 /// The convex hull of two convex planar polygons that face each other.
 ///
-/// What of each polygon lies behind the other's plane is cut off first, because light does not go there. The hull is the set of all
+/// The part of each polygon behind the other's plane is cut off first, because light does not go there. The hull is the set of all
 /// points on segments between the two, so that a face that does not meet its interior cannot block any light between them.
 ///
 /// A face counts as outside if it reaches into the hull by less than 1e-10 of the hull's width *there*, or by less than 16 ulps of the coordinates of the three corners
@@ -35,7 +35,7 @@ pub(crate) struct Shaft<'a> {
     high: DVec3,
     /// Of the smaller end.
     smaller: Lean,
-    /// What reaches in by less is due to rounded corners.
+    /// A smaller overlap is due to rounded corners.
     slack: f64,
 }
 
@@ -247,7 +247,7 @@ impl<'a> Shaft<'a> {
         })
     }
 
-    /// Returns whether a side with such a normal is the plane of an end but for a tolerance: an end that stands on the plane of the other has that plane for a side.
+    /// Returns whether a side with such a normal is the plane of an end, within a tolerance: an end that stands on the plane of the other has that plane for a side.
     fn is_plane_of_an_end(&self, normal: DVec3) -> bool {
         let mut ends = self.ends.iter();
         ends.any(|end| end.plane.normal.distance_squared(normal) < SAME_PLANE * SAME_PLANE)
@@ -288,7 +288,7 @@ impl<'a> Shaft<'a> {
 
     /// Returns the plane through an edge of end `k` and a corner `c` of the other, raised, if both ends are on one side of it.
     ///
-    /// What is neglected changes from the edge to the other end in proportion, so that the raised plane leans a little.
+    /// The neglected part changes from the edge to the other end in proportion, so that the raised plane leans a little.
     fn side(&self, k: usize, start: DVec3, edge: DVec3, c: DVec3) -> Option<Side> {
         let normal = edge.cross(c - start);
         // A plane through three corners nearly on a line says nothing.

@@ -7,7 +7,7 @@
 //! Lines whose first crossing is taken ahead ([`Place::at_least`]) are translates of those with the same one. A line that begins later than others joins
 //! them when they have come as far.
 //!
-//! What a line meets is the same as by [`first_surface`](super::line::first_surface), at any grouping of lines.
+//! A line meets the same surfels as by [`first_surface`](super::line::first_surface), at any grouping of lines.
 
 use std::cmp::Ordering;
 

@@ -339,7 +339,7 @@ impl Pieces {
     }
 }
 
-/// What is known of a surfel near a thin wall.
+/// A surfel near a thin wall.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Facts {
     /// The nodes that it looks to.

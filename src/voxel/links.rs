@@ -21,7 +21,7 @@ use crate::progress::Progress;
 /// Surfels whose links are one unit of work and of storage.
 pub(super) const ROWS_PER_CHUNK: usize = 256;
 
-/// What the surfels of a brick see in so many directions stays in a core's cache.
+/// Directions in one batch: the surfels that a brick sees in them stay in a core's cache.
 const DIRECTIONS_AT_ONCE: usize = 256;
 
 const BACK: u32 = 0;

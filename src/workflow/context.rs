@@ -1,4 +1,4 @@
-//! What goes along with a study: who hears of its progress, what it may use, what there is to warn of.
+//! The context of a study: observers of its progress, its limits, and its warnings.
 
 use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
@@ -29,9 +29,9 @@ pub struct Context {
     times: RefCell<StageTimes>,
     /// How texts write parameters: by their names, where nothing else is set.
     pub naming: fn(Parameter, Option<&str>) -> String,
-    /// What form factors may take, and where.
+    /// The limits and places of form factors.
     pub memory: Memory,
-    /// What is known before form factors are stored of what comes after them.
+    /// The demands on form factors that are known before they are stored.
     pub demand: Demand,
     /// The settings of the results, as files of results have them.
     pub settings: Settings,
@@ -53,7 +53,7 @@ pub struct Context {
     begun: Instant,
 }
 
-/// What comes after form factors, as far as the storage of them and of results depends on it.
+/// The work after form factors, as far as their storage and that of results depends on it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Demand {
     /// The output, beside which a scratch file goes.
@@ -109,7 +109,7 @@ impl Context {
         own
     }
 
-    /// Tells each warning as soon as there is one, beside keeping it.
+    /// Reports each warning at once, and stores it.
     #[must_use]
     pub fn on_warning(mut self, listener: impl Fn(&Warning) + 'static) -> Self {
         self.listener = Some(Box::new(listener));

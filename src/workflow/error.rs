@@ -46,13 +46,13 @@ pub enum WorkflowError {
     MemoryLimit {
         /// The name of the scene.
         file: PathBuf,
-        /// What the memory is for.
+        /// The purpose of the memory.
         what: String,
-        /// What is needed, in bytes.
+        /// The memory that is needed, in bytes.
         needed: u64,
-        /// What may be used, in bytes.
+        /// The limit, in bytes.
         limit: u64,
-        /// What helps beside a greater limit.
+        /// The remedy beside a greater limit.
         remedy: &'static str,
     },
     /// Form factors cannot be kept.
@@ -78,7 +78,7 @@ pub enum WorkflowError {
         place: String,
         /// How many patches there are in all.
         n_patches: usize,
-        /// What the file calls a reflectance.
+        /// The name of a reflectance in the file.
         reflectance: &'static str,
     },
     /// A file could not be read or written.
@@ -94,11 +94,11 @@ pub enum WorkflowError {
     Voxel(VoxelError),
     /// Voxels or links do not fit the memory.
     VoxelMemory {
-        /// What is needed.
+        /// The demand in words.
         what: String,
-        /// What may be used, in bytes.
+        /// The limit, in bytes.
         limit: u64,
-        /// What helps.
+        /// The remedy.
         remedy: VoxelRemedy,
     },
     /// A picture was refused, or could not be written or read.
@@ -107,9 +107,9 @@ pub enum WorkflowError {
     ImageMemory {
         /// Width and height in pixels.
         size: (u32, u32),
-        /// What is needed, in bytes.
+        /// The memory that is needed, in bytes.
         needed: u64,
-        /// What may be used, in bytes.
+        /// The limit, in bytes.
         limit: u64,
     },
     /// Boundary conditions do not fit the scene, or have no temperatures.
@@ -125,7 +125,7 @@ pub enum WorkflowError {
     Checkpoint(CheckpointError),
     /// Ranks that are to share work would compute different things.
     RanksDiffer {
-        /// What differs.
+        /// The difference.
         what: &'static str,
         /// The first rank that differs from rank 0.
         rank: usize,
@@ -134,7 +134,7 @@ pub enum WorkflowError {
     },
     /// Settings do not go together: a fault of whoever asks.
     Unsuited(Unsuited),
-    /// What a frame of a sequence names is refused.
+    /// A file or setting of a frame of a sequence is refused.
     InFrame {
         /// Why.
         error: Box<WorkflowError>,

@@ -132,7 +132,7 @@ pub struct FormFactorStudy {
 impl FormFactorStudy {
     /// Returns whether the work does what was asked for.
     ///
-    /// What coordinates that are rounded leave open is no failure of it: files as ordinary as those turned out of the axes with six decimals know form factors to 1e-5, not to
+    /// Doubt from rounded coordinates is no failure of it: files as ordinary as those turned out of the axes with six decimals know form factors to 1e-5, not to
     /// the default of 1e-6, and no work changes that. A warning reports it, as does [`tolerance_met`](Self::tolerance_met).
     #[must_use]
     pub fn is_done(&self) -> bool {

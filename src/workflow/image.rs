@@ -53,7 +53,7 @@ pub struct ImageFile {
 pub struct ImageRequest<'a> {
     /// The view.
     pub view: &'a dyn View,
-    /// What a warning calls its camera; `None` of a view without one.
+    /// The name of its camera in warnings; `None` of a view without one.
     pub camera: Option<&'a str>,
     /// How it is rendered.
     pub settings: RenderSettings,

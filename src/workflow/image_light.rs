@@ -40,7 +40,7 @@ impl ImageLight {
 }
 
 impl Model {
-    /// Solves for the light of an image with a `direct` pass, in `daylight` as far as that shines: not at all where that pass finds all light, without storing form factors if `on_the_fly`, which takes no daylight.
+    /// Solves for the light of an image with a `direct` pass, in `daylight`. Nothing is solved if that pass finds all light. `on_the_fly` stores no form factors and accepts no daylight.
     ///
     /// # Errors
     /// Those of [`form_factors`](Self::form_factors), [`solve`](Self::solve) and [`solve_on_the_fly`](Self::solve_on_the_fly).

@@ -37,7 +37,7 @@ pub struct Model {
     pub scene: Scene,
     /// The name of the scene in messages: its file.
     pub file: PathBuf,
-    /// What it needs, and what is left out.
+    /// Its needs, and the steps left out.
     pub plan: Plan,
     /// How its faces are cut.
     pub options: MeshOptions,

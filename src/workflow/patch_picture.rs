@@ -5,7 +5,7 @@ use crate::matrix::operator::Block;
 use crate::render::{Outdoors, RenderInput, RenderSettings, render};
 
 impl Model {
-    /// Returns the value of the patch at the centre of each pixel of a view, row by row from the top, and the number of pixels in a row; `None` where no front of a face is seen.
+    /// Returns the value of the patch at the centre of each pixel, row by row from the top, and the pixels of a row; `None` where no front of a face is visible.
     ///
     /// # Errors
     /// [`WorkflowError::Render`].

@@ -7,7 +7,7 @@ use crate::heat::{Boundary, PointQuery, PointScene, PointView};
 const AT_ONCE: usize = 1024;
 
 impl Model {
-    /// Looks from free points: the factors to all surfaces, and with the heat of the scene what arrives; `with_person`: the sun counts in the mean radiant temperature as it does on a standing person.
+    /// Returns the factors from free points to all surfaces, and with the heat of the scene the irradiance. `with_person` counts the sun in the mean radiant temperature as on a standing person.
     ///
     /// # Errors
     /// [`WorkflowError::Interrupted`].

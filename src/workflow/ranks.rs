@@ -1,4 +1,4 @@
-//! What ranks agree on before they share work: each of them has to take the same steps.
+//! Agreement of ranks before they share work: each of them has to take the same steps.
 
 use sha2::{Digest as _, Sha256};
 
@@ -6,7 +6,7 @@ use super::{Context, WorkflowError};
 use crate::matrix::FormFactors;
 use crate::matrix::operator::{Block, LinearOperator as _};
 
-/// What all ranks have room for.
+/// The memory that all ranks have.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Room {
     /// The least of the limits of memory, in bytes.

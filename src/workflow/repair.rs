@@ -25,7 +25,7 @@ impl Context {
         }
     }
 
-    /// Keeps what long work is expected to take among the warnings; who hears of progress has heard of it.
+    /// Stores the expected run time of long work among the warnings; an observer of progress has received it.
     pub(super) fn note_forecast(&self, forecast: Option<Forecast>) {
         if let Some(forecast) = forecast.filter(|forecast| forecast.asked.1 > Forecast::LONG) {
             self.note(Warning::LongWork(forecast));

@@ -102,7 +102,7 @@ settings! {
     exact_solid_angles: bool,
     /// Surfaces whose faces are reversed; an empty name stands for all.
     flip: Vec<String>,
-    /// What a propagation on voxels computes from.
+    /// The input of a propagation on voxels.
     form: Form,
     /// The tolerance of form factors, on A_i F_ij / min(A_i, A_j), where a solver has a tolerance too.
     form_factor_tolerance: f64,

@@ -98,7 +98,7 @@ pub struct SolutionStudy {
 /// Properties of form factors beside their values.
 #[derive(Clone, Copy, Debug)]
 pub struct Known<'a> {
-    /// To those who audit a solution.
+    /// For the audit of a solution.
     pub given: Given<'a>,
     /// The fraction of the light of each patch that black backs take, \[n\].
     pub backs: Option<&'a [Fraction]>,
@@ -317,7 +317,7 @@ impl Model {
     }
 }
 
-/// What of a model a solver needs, while its form factors may borrow the rest.
+/// The parts of a model that a solver needs, while its form factors may borrow the rest.
 pub(super) struct Parts<'a> {
     pub(super) scene: &'a Scene,
     pub(super) file: &'a Path,

@@ -29,7 +29,7 @@ pub enum Storage {
     Disk,
 }
 
-/// What form factors may take, and where.
+/// The limits and places of form factors.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Memory {
     /// The most memory to use, in bytes; `None`: 80 % of what is available.
@@ -78,7 +78,7 @@ impl Memory {
     }
 }
 
-/// What is known of the matrix that is to be computed or read.
+/// The known properties of the matrix that is to be computed or read.
 #[derive(Clone, Copy, Debug)]
 pub struct MatrixDemand {
     /// True if the method computes rows.
@@ -89,7 +89,7 @@ pub struct MatrixDemand {
     pub n_entries: u64,
     /// How many more there are of its kind at the same time.
     pub n_beside: u32,
-    /// What the method takes beside the rows that it gives away.
+    /// The memory of the method beside the rows that it gives away.
     pub working_byte: u64,
 }
 

@@ -245,7 +245,7 @@ fn image_size(asked: [Option<u32>; 2], stated: [Option<u32>; 2]) -> (u32, u32) {
     }
 }
 
-/// Returns an up for a view along the usual one: +y, as on a plan with x to the right, or −z where the view is along y, which has x to the right as well when it looks down.
+/// Returns an up for a view along the usual one: +y, as on a plan with x to the right, or −z where the view is along y.
 fn up_across(direction: DVec3) -> DVec3 {
     if Camera::is_along(direction, DVec3::Y) {
         DVec3::NEG_Z

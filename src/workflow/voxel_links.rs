@@ -14,7 +14,7 @@ const PATCH_BYTE: u64 = 512;
 pub enum LinkPlace {
     /// In memory where all together stays below the limit, else on disk.
     Auto {
-        /// Whether they are on disk anyway: who names their file wants them there.
+        /// True if they are on disk in any case, because their file was named.
         has_file: bool,
     },
     /// In memory.

@@ -20,6 +20,7 @@ mod pictures;
 mod program;
 mod ranks;
 mod schema;
+mod screen;
 #[path = "../support/sealed_room.rs"]
 mod sealed_room;
 mod solve;

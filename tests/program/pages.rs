@@ -1,5 +1,6 @@
 //! The pages of reports in a real browser: skipped, with a word, where there is none.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -32,7 +33,8 @@ fn browser(profile: &Path, arguments: &[&str], page: &Path) -> Option<Output> {
 fn quiet_dom(profile: &Path, page: &Path) -> Option<String> {
     let html = std::fs::read_to_string(page).unwrap();
     // What a page can ask for stands in such attributes; the name space of SVG is no address that anybody asks.
-    for attribute in ["src=\"http", "href=\"http", "url(", "@import", "<script"] {
+    assert_eq!(html.matches("<script>").count(), 1);
+    for attribute in ["src=\"http", "href=\"http", "url(", "@import", "<script "] {
         assert!(!html.contains(attribute), "{attribute}");
     }
     let opened = browser(profile, &["--dump-dom"], page)?;
@@ -73,10 +75,32 @@ fn pages_open_without_a_complaint() {
     assert!(dom.contains("<h1>cube: form-factor methods side by side</h1>"), "{dom}");
     // Two errors as plots; the points of both methods tell their values.
     assert_eq!(dom.matches("<figure>").count(), 2);
+    // Each method has one mark: in the key, and in front of its name in tables.
+    let marks = |name: &str| -> BTreeSet<String> {
+        let parts = dom.split("<svg class=\"mark\"").skip(1);
+        let named = parts.filter_map(|part| part.split_once("</svg>"));
+        let own = named.filter(|(_, after)| after.split(['<', ' ']).next() == Some(name));
+        own.map(|(mark, _)| mark.to_owned()).collect()
+    };
+    let (sr, exact) = (marks("sr"), marks("exact"));
+    assert!(sr.len() == 1 && exact.len() == 1 && sr != exact, "{sr:?} {exact:?}");
+    assert!(dom.contains("<button type=\"button\">method</button></th>"), "{dom}");
+    // A press on a header sorts, and says so.
+    let pressed = directory.path().join("pressed.html");
+    let script = "<script>document.querySelector('th button').click()</script></body>";
+    let unguarded = html
+        .replace("script-src", "script-src-elem 'unsafe-inline'; x-")
+        .replace("</body>", script);
+    std::fs::write(&pressed, unguarded).unwrap();
+    let sorted = browser(&profile, &["--dump-dom"], &pressed).unwrap();
+    let sorted = String::from_utf8_lossy(&sorted.stdout).into_owned();
+    assert!(sorted.contains("aria-sort=\"ascending\""), "{sorted}");
+    let rows = &sorted[sorted.find("<tbody>").unwrap()..];
+    assert!(rows.find("exact") < rows.find("rays per patch"), "{rows}");
     assert!(dom.contains("<title>exact, tolerance 1e-6: "), "{dom}");
     // The paper's figure is a picture, in the page itself.
     assert!(
-        lewis.contains("<img alt=\"figure-1.png\" src=\"data:image/png;base64,"),
+        lewis.contains("<img alt=\"Figure 1\" src=\"data:image/png;base64,"),
         "{lewis}"
     );
     // A page that does complain is heard.

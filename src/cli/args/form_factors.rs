@@ -192,7 +192,7 @@ pub enum PrecisionName {
     F64,
 }
 
-/// What form factors may take, and where.
+/// The limits and places of form factors.
 #[derive(Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Memory")]
 pub struct MemoryArgs {

@@ -45,7 +45,7 @@ pub use voxel::{LinksName, VoxelArgs};
                   130 and 143 ended by SIGINT and SIGTERM."
 )]
 pub struct Cli {
-    /// What to do.
+    /// The command to run.
     #[command(subcommand)]
     pub command: Command,
 }

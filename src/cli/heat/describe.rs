@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::cli::args::HeatArgs;
-use crate::cli::checks::describe_checks;
+use crate::cli::run::Run;
 use crate::cli::solution::{describe_mesh_error, solver_line};
 use crate::cli::{cell, name_width};
 use crate::printable::{counted, printable};
@@ -12,6 +12,7 @@ use crate::workflow::{FormFactorStudy, HeatStudy, Model};
 /// Describes temperatures and fluxes of surfaces, and the balance of the scene.
 pub(super) fn describe(
     text: &mut String,
+    run: &Run,
     args: &HeatArgs,
     model: &Model,
     factors: &FormFactorStudy,
@@ -20,7 +21,7 @@ pub(super) fn describe(
     let surfaces = &study.heat.surfaces;
     let n_surfaces = counted(surfaces.len(), "surface");
     let _ = writeln!(text, "{} patches on {n_surfaces}", model.mesh.n_patches());
-    describe_checks(text, factors);
+    run.describe_form_factors(text, factors);
     let _ = writeln!(
         text,
         "{}",

@@ -121,7 +121,7 @@ fn finish(
     run.bars.finish();
     let document = run.document_of(model, HeatDocument::new(model, factors, study));
     let mut text = run.explanation(model);
-    describe::describe(&mut text, args, model, factors, study);
+    describe::describe(&mut text, run, args, model, factors, study);
     run.describe_audit(&mut text);
     run.describe_times(&mut text);
     for path in args.output.iter().chain(&args.exchange_factors).chain(&args.picture) {

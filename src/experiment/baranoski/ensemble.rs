@@ -33,7 +33,7 @@ pub(super) struct Cube {
 pub(super) struct Ensemble {
     /// The form factors of every run.
     pub(super) runs: Vec<PairFactors>,
-    /// What they are samples of.
+    /// The distribution that they are samples of.
     pub(super) expected: Expected,
 }
 

@@ -1,4 +1,4 @@
-//! What shooting must give in the cube: exact means, and exact covariances of the counts.
+//! The expected values of shooting in the cube: exact means, and exact covariances of the counts.
 
 use std::num::NonZeroUsize;
 

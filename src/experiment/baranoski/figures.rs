@@ -22,11 +22,11 @@ pub const LEVEL: f64 = 1e-3;
 pub struct Figure {
     /// The method's name in the paper.
     pub method: &'static str,
-    /// What it is: "Σ of face 3", "error (%)", "F 1-6".
+    /// Its name: "Σ of face 3", "error (%)", "F 1-6".
     pub name: String,
     /// The paper's number as printed.
     pub printed: f64,
-    /// What the paper's number must have been, where it is a misprint.
+    /// The number that the paper must mean, where it is a misprint.
     pub corrected: Option<f64>,
     /// Why it is a misprint.
     pub misprint: Option<&'static str>,
@@ -58,7 +58,7 @@ pub struct Figure {
 pub struct TableResult {
     /// Its number.
     pub number: u8,
-    /// What it is about.
+    /// Its subject.
     pub title: String,
     /// The number of patches of the cube.
     pub n_patches: u32,
@@ -259,7 +259,7 @@ fn finish(number: u8, title: String, source: &SumTable, n_seeds: u64, figures: V
     }
 }
 
-/// What plain 5 × 5 × 5 × 5 Gauss gives, computed independently of this crate, to [`DIGITS`].
+/// The value of plain 5 × 5 × 5 × 5 Gauss, computed independently of this crate, to [`DIGITS`].
 struct KnownGauss {
     sum: f64,
     parallel: Option<f64>,

@@ -3,7 +3,7 @@
 //! A closed cube, each face cut into n × n patches (n = 6, 9, 13). Tables 3 to 6 list the sums of the form factors of each face, tables 7 and 8 form
 //! factors between faces, for quadrature (PDM) and shooting (SR, SG5, SG10).
 //!
-//! What the paper does not say, and its numbers show: in every shooting table the sum of face 1 is 1 to the last digit and the others are not. Each pair of
+//! The paper's numbers show a fact that it does not state: in every shooting table the sum of face 1 is 1 to the last digit and the others are not. Each pair of
 //! faces was shot once, from the face with the lower number, and the other direction filled in by reciprocity. So it is done here, with pseudo-random numbers.
 //! Tables 7 and 8 belong to the runs of table 6. The error of tables 3 to 6 is 100 Σ |1 − Σ of face|.
 //!

@@ -1,11 +1,11 @@
-//! What tables 3 to 8 of the paper say, digit by digit, and where they cannot be right.
+//! Tables 3 to 8 of the paper, digit by digit, and their misprints.
 
 /// A printed number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Printed {
     /// As printed.
     pub(super) value: f64,
-    /// What it must have been, with the reason, if it is a misprint.
+    /// The number that it must mean, with the reason, if it is a misprint.
     pub(super) misprint: Option<(f64, &'static str)>,
 }
 

@@ -17,7 +17,7 @@ use crate::form_factor::{FormFactorError, Input};
 use crate::matrix::{MatrixError, StorageChoice};
 use crate::progress::{Progress, Silent};
 
-/// What to compare.
+/// The settings of a comparison.
 #[derive(Clone, Debug)]
 pub struct CompareSettings<'a> {
     /// The methods.
@@ -47,7 +47,7 @@ impl CompareSettings<'_> {
 pub struct Run {
     /// The method's name in the sweep.
     pub method: &'static str,
-    /// What is varied.
+    /// The parameter that varies.
     pub parameter: &'static str,
     /// Its value.
     pub value: u64,
@@ -61,17 +61,17 @@ pub struct Run {
     pub error_rms: f64,
     /// The share of entries that are not zero.
     pub density: f64,
-    /// What the form factors take, with their standard errors, in memory or on a disk.
+    /// The bytes of the form factors, with their standard errors, in memory or on a disk.
     pub stored_bytes: u64,
 }
 
-/// What the runs of one setting say together.
+/// The summary of the runs of one setting.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "CompareCase"))]
 pub struct CaseSummary {
     /// The method's name in the sweep.
     pub method: &'static str,
-    /// What is varied.
+    /// The parameter that varies.
     pub parameter: &'static str,
     /// Its value.
     pub value: u64,
@@ -101,7 +101,7 @@ pub struct LeftOut {
     pub reason: String,
 }
 
-/// What a comparison measured.
+/// The measurements of a comparison.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
     /// One entry for each setting, by method and value.

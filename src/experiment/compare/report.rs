@@ -75,7 +75,7 @@ pub struct ComparisonRecord<'a> {
 pub struct ReferenceRecord {
     /// Where it comes from.
     pub kind: ReferenceKind,
-    /// What it is known between.
+    /// The elements between which it is known.
     pub level: ReferenceLevel,
     /// The same in words.
     pub description: String,

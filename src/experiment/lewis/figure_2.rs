@@ -12,7 +12,7 @@ use super::model::Room;
 use crate::experiment::ExperimentError;
 use crate::matrix::Precision;
 
-/// What is changed about the algorithm that works.
+/// A change of the algorithm that works.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
@@ -52,7 +52,7 @@ impl Variant {
     }
 }
 
-/// What a variant does.
+/// The run of a variant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct VariantRun {

@@ -23,7 +23,7 @@
 //! not tell; with coarse rows that do not sum to 1 it diverges at l = 1 and 2, and grows to 1e47 at l = 4 before the sweeps take over.
 //!
 //! Section 7, K u by levels, is tried by [`product_by_levels`] at l = 4: for errors of at most 2e-3, 2e-4 and 8e-6 W·m⁻² (of radiosities of 0.02 to 1.1) it evaluates 0.25, 0.91 and 1.10 as many form factors as there are
-//! pairs, in 0.5, 1.8 and 1.9 of the time of evaluating all pairs, and 36, 131 and 135 times that of a product with the stored matrix (one thread, one run each, `radiosity reproduce lewis`).
+//! pairs, and takes far longer than a product with the stored matrix (`radiosity reproduce lewis` has the times).
 //! His negative finding stands: at an accuracy that the solution needs (2.5e-5) the light of a room this small varies too much over patches for coarse ones to replace them, and the search costs as much as what it finds.
 
 mod by_levels;

@@ -16,7 +16,7 @@ pub(super) const TABLE_2: [PrintedLine; 4] = [
     PrintedLine { level: 4, iterations: [12, 4], times_s: Some([35.0, 15.0]), ratio: Some(0.429) },
 ];
 
-/// What an independent program counted: l, iterations and multiplications of Gauss-Seidel and multigrid.
+/// The counts of an independent program: l, iterations and multiplications of Gauss-Seidel and multigrid.
 pub(super) struct Expected {
     pub(super) level: u32,
     pub(super) iterations: [usize; 2],

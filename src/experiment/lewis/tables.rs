@@ -95,7 +95,7 @@ impl SolverLine {
 pub struct Check {
     /// Its kind.
     pub name: String,
-    /// What it must be.
+    /// The value that it must have.
     pub expected: f64,
     /// Ours.
     pub measured: f64,

@@ -61,7 +61,7 @@ pub struct PatchReference {
     irradiance: Block,
     /// Patches of the reference.
     pub n_patches: usize,
-    /// What the reference moved from measuring patches to those half as wide, relative: a bound of its error if that at least halves.
+    /// The change of the reference from measuring patches to those half as wide, relative: a bound of its error if that at least halves.
     pub change: f64,
 }
 

@@ -1,4 +1,4 @@
-//! What the paper on discrete radiosity leaves undone: its error against patches with exact form factors, and against run time.
+//! Additions to the paper on discrete radiosity: its error against patches with exact form factors, and against run time.
 //!
 //! On four rooms the irradiance of the voxels is compared with that of patches, H, in the norm ‖H_voxels − H‖ / ‖H‖, ‖x‖² = Σ A x² over *measuring patches*. The reference is the
 //! patch solution with [`exact`](crate::form_factor::ExactMethod) form factors on patches half as wide, averaged over the measuring ones; its own error is estimated by what it moved from

@@ -243,7 +243,8 @@ fn times_csv(results: &MalgouyresResults) -> Table {
 fn curves(results: &MalgouyresResults, points: fn(&SceneResult) -> Vec<(f64, f64)>) -> Vec<Curve> {
     let curve = |(style, scene): (usize, &SceneResult)| Curve {
         name: scene.scene.to_owned(),
-        style,
+        // The first styles are those of voxels and patches.
+        style: 4 + style,
         points: points(scene),
     };
     results.scenes.iter().enumerate().map(curve).collect()

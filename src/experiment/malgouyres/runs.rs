@@ -30,7 +30,7 @@ const N_OF_RADII: u32 = 20;
 const TOLERANCES: [f64; 3] = [0.2, 0.05, 0.02];
 const COARSEST: u8 = 3;
 
-/// What a run on voxels found.
+/// The result of a run on voxels.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct VoxelRun {
@@ -53,7 +53,7 @@ pub struct VoxelRun {
     pub time_s: f64,
 }
 
-/// What a run on patches found.
+/// The result of a run on patches.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct PatchRun {
@@ -80,7 +80,7 @@ pub struct SceneResult {
     pub n_patches: usize,
     /// Measuring patches.
     pub n_measuring: usize,
-    /// What the reference moved when its patches were halved.
+    /// The change of the reference when its patches are halved.
     pub reference_change: f64,
     /// Voxels, by resolution.
     pub by_resolution: Vec<VoxelRun>,
@@ -113,7 +113,7 @@ impl SceneResult {
     }
 }
 
-/// What `reproduce malgouyres` found.
+/// The result of `reproduce malgouyres`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct MalgouyresResults {
@@ -121,7 +121,7 @@ pub struct MalgouyresResults {
     pub level: u32,
     /// Scene by scene.
     pub scenes: Vec<SceneResult>,
-    /// What must hold.
+    /// The checks that must hold.
     pub checks: Vec<Check>,
 }
 
@@ -333,7 +333,7 @@ fn patch_runs(
 /// How far an error may be from the one measured: three digits are written down, and rounding on another machine may move a few voxels.
 const SPREAD: f64 = 0.02;
 
-/// What must hold on a scene.
+/// Returns the checks that must hold on a scene.
 fn checks(case: &Case, result: &SceneResult) -> Vec<Check> {
     let check =
         |name: String, value: f64, range: [f64; 2]| Check::new(format!("{}: {name}", result.scene), value, range);

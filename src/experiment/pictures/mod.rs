@@ -89,7 +89,7 @@ pub struct PicturesResults {
     pub n_reference_above: u64,
     /// The pictures, without the reference.
     pub runs: Vec<PictureRun>,
-    /// What must hold.
+    /// The checks that must hold.
     pub checks: Vec<Check>,
     /// Wall time of the reference, in s.
     #[serde(skip)]
@@ -263,7 +263,7 @@ fn errors(image: &Image, reference: &Image) -> [f64; 3] {
     [(squares / n).sqrt() / (sum / n), median, (relative_squares / n).sqrt()]
 }
 
-/// What must hold: gathered pictures have the noise asked for, and interpolation is better than constant patches.
+/// Returns the checks: gathered pictures have the noise asked for, and interpolation is better than constant patches.
 fn checks(runs: &[PictureRun]) -> Vec<Check> {
     let mut checks = Vec::new();
     let mut add = |name: String, value: f64, range: [f64; 2]| {

@@ -8,7 +8,7 @@ use crate::matrix::operator::{Block, LinearOperator, RowAccess};
 use crate::matrix::{FormFactors, Layout, Precision, StorageChoice, Weighting};
 use crate::solver::{RadiositySystem, SolverError};
 
-/// What has to come of a case.
+/// The required outcome of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Expected {
     /// There is a solution; a solver finds it, or says that it did not.

@@ -47,7 +47,7 @@ pub const MAX_PASSES: usize = 1000;
 /// Runs of a cell, of which the least time counts: no more than the first number where all have taken [`RUNS_S`], since the least of many short times is steady.
 const N_RUNS: RangeInclusive<usize> = 3..=100;
 
-/// What the runs of a cell take, s.
+/// The time that the runs of a cell take together, s.
 const RUNS_S: f64 = 5e-3;
 
 /// How one solver did on one case.
@@ -206,7 +206,7 @@ struct Trial {
     time_s: f64,
     /// The sum of the times, s.
     spent_s: f64,
-    /// What the last run returned.
+    /// The result of the last run.
     outcome: Option<Result<Solution, SolverError>>,
 }
 
@@ -367,7 +367,7 @@ fn residuals(system: &RadiositySystem, radiosity: &Block, c: usize) -> Vec<f64> 
     (0..system.n_patches()).map(of_row).collect()
 }
 
-/// What rounding in a pass over a few hundred patches amounts to, relative.
+/// The relative rounding error of a pass over a few hundred patches.
 const ROUNDING: f64 = 1e-14;
 
 fn relative_error(areas: &[f64], x: &Block, y: &Block) -> f64 {

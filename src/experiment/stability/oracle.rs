@@ -6,7 +6,7 @@ use faer::linalg::solvers::{PartialPivLu, Solve};
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::solver::RadiositySystem;
 
-/// What a system's exact solution is, by a factorisation and refinement with residuals in twice the precision.
+/// The exact solution of a system, by a factorisation and refinement with residuals in twice the precision.
 pub(super) struct Oracle {
     /// B*, W·m⁻², \[n, c\].
     pub(super) radiosity: Block,

@@ -31,7 +31,7 @@ pub(super) struct Seeing {
 }
 
 impl Candidates {
-    /// Finds the patches that may see backs, and which: those of faces that they lie behind, and that are not hidden by the windings of closed pieces, nor by a piece that both are part of.
+    /// Finds the patches that may see backs, and these backs. A patch may see those of faces that it lies behind, unless closed pieces or a common piece hide them.
     ///
     /// `max_pairs` pairs of patches and parts of backs are listed, the same number for each patch: where it is 0, none.
     /// Memory: O(n + `max_pairs`). Work: O(n log n) and what is listed, where the patches that see no back lie around what they see.
@@ -125,7 +125,7 @@ impl Outline {
     }
 }
 
-/// What backs are searched among.
+/// The faces among which backs are searched.
 struct Search<'a> {
     pieces: Pieces,
     sheets: &'a Sheets<'a>,
@@ -182,7 +182,9 @@ impl Search<'_> {
     }
 }
 
-/// Returns for each piece whether its fronts see none of its own backs: no face of it pierces another, and every edge of its border lies in a plane that has all of the scene on one side. Closed pieces have no border.
+/// Returns for each piece whether its fronts see none of its own backs.
+///
+/// They do not if no face of it pierces another, and every edge of its border lies in a plane with all of the scene on one side. Closed pieces have no border.
 ///
 /// Such a piece parts the convex hull of the scene in two, one in front of it and one behind, as its border lies on that hull, which no segment between two points of the scene leaves.
 /// Pieces with a border too long to look at count as ending elsewhere.

@@ -63,11 +63,11 @@ const NOISE: f64 = 1e-12;
 /// The same of what is seen of a pair, as an error: some roundings at each point.
 const ROUNDING: f64 = 1e-13;
 
-/// What rounding does to patches that it has parted is known to the first order up to this part of what they exchange without occluders.
+/// The effect of rounding on patches that it has parted is known to the first order up to this part of their exchange without occluders.
 const MOVED: f64 = 0.1;
 
 impl Batches<'_> {
-    /// Tells whether a run of rows begins at `row`, or all rows end there.
+    /// Returns whether a run of rows begins at `row`, or all rows end there.
     fn is_between_runs(&self, row: usize) -> bool {
         let Some(&f) = self.patches.face_of_patch.get(row) else {
             return row == self.patches.len();
@@ -368,7 +368,7 @@ struct Meeting {
     ends: [Vec<DVec3>; 2],
     /// Their exchange area without occluders.
     whole: Whole,
-    /// What that has changed by, m², where it is more than a few per cent: then it is not known which of both is meant.
+    /// The change of that exchange, m², where it is more than a few per cent: then it is not known which of both is meant.
     moved: f64,
 }
 

@@ -36,7 +36,7 @@ pub(super) struct Batches<'a> {
     pub(super) index: Option<OccluderIndex>,
     /// The patches of a file whose coordinates are rounded.
     pub(super) rounded: Option<Rounded>,
-    /// What is known from before a change.
+    /// The rows from before a change.
     pub(super) before: Option<Before<'a>>,
     /// The faces of the scene, in the order of `patches.faces`.
     pub(super) face_ids: Vec<FaceId>,
@@ -61,7 +61,7 @@ pub(super) struct FaceView {
     pub(super) fronts: Option<[Vec<Option<bool>>; 2]>,
 }
 
-/// What is known of two faces.
+/// The relation of two faces.
 pub(super) enum Known {
     /// All exchange areas between them are as before a change.
     Kept,
@@ -77,7 +77,7 @@ pub(super) struct Strip {
     /// The occluders of all partial pairs, one after the other.
     pub(super) occluders: Vec<OccluderId>,
     pub(super) counts: PairCounts,
-    /// What these rows were before a change; none without one.
+    /// The rows before a change; empty without one.
     pub(super) before: Vec<Vec<Entry>>,
 }
 
@@ -164,18 +164,18 @@ impl<'a> Batches<'a> {
         }
     }
 
-    /// Tells whether any patches of two faces may face each other.
+    /// Returns whether any patches of two faces may face each other.
     pub(super) fn faces_face(&self, f: usize, g: usize) -> bool {
         let [from, to] = [f, g].map(|k| &self.patches.faces[k]);
         self.facing.any(from.range(), to.range())
     }
 
-    /// Tells whether what is known of two parts of faces that stayed is known from before a change.
+    /// Returns whether what is known of two parts of faces that stayed is known from before a change.
     pub(super) fn is_kept(&self, p: &[DVec3], q: &[DVec3]) -> bool {
         self.before.is_some_and(|before| !before.change.may_come_between(p, q))
     }
 
-    /// Tells whether no exchange area between some patches of two faces can be the same as before.
+    /// Returns whether no exchange area between some patches of two faces can be the same as before.
     pub(super) fn any_moved(&self, faces: [usize; 2]) -> bool {
         self.before.is_none_or(|before| {
             let mut ids = faces.map(|f| self.face_ids[f]).into_iter();

@@ -91,7 +91,7 @@ impl ExactMethod {
     /// The budget unless another is asked for: some seconds for one pair.
     pub const DEFAULT_BUDGET: usize = 10_000_000;
 
-    /// Returns the part of an exchange area without occluders that the error of a partial pair is to be below as well: a sun whose form factor is as small as the tolerance casts shadows all the same.
+    /// Returns the fraction of the unoccluded exchange area that the error of a partial pair must not exceed either: a sun whose form factor is as small as the tolerance still casts shadows.
     ///
     /// Where that would be loose, it is not asked for.
     pub(super) fn relative_tolerance(&self) -> f64 {

@@ -26,7 +26,7 @@ const LOOSEST: f64 = 0.1;
 /// No tolerance of entries is worth less than this.
 const LEAST: f64 = 1e-12;
 
-/// What of the way to the tolerance of rows is gone beyond it, as errors do not fall in proportion.
+/// The overshoot beyond the tolerance of rows, as a part of the way: errors do not fall in proportion.
 const BEYOND: f64 = 0.7;
 
 /// Where a tighter tolerance takes the error of the worst row to no less than this part of it, more work does not help: what rounded corners add stays.

@@ -1,4 +1,4 @@
-//! What the exact method is going to take, from some runs of its rows.
+//! A forecast of the exact method's run time, from some runs of its rows.
 
 #![expect(
     clippy::shadow_unrelated,

@@ -13,13 +13,13 @@ use crate::visibility::occluders::{OccluderId, OccluderIndex, PairVisibility};
 /// Errors that were stored in f32 are off by less than this part.
 const STORED: f64 = 1e-6;
 
-/// What rounding adds is not looked at any closer where it is below this part of the tolerance.
+/// Rounding is not refined where its error is below this part of the tolerance.
 const NEGLIGIBLE: f64 = 1e-3;
 
-/// What patches behind each other may exchange by rounding is not stated below this part of the tolerance.
+/// The exchange by rounding of patches behind each other is not stated below this part of the tolerance.
 const UNSTATED: f64 = 1e-2;
 
-/// What rounded corners reach in between patches that they were meant to touch, in units of the slack for which that is left out: half a unit of the last place for each of two.
+/// The reach of rounded corners between patches that they were meant to touch, in units of the slack for which that is left out: half a unit of the last place for each of two.
 const REACH: f64 = 0.5;
 
 /// The visible parts of two patches, as far as rounding affects them.
@@ -29,7 +29,7 @@ pub(super) struct Seen<'a> {
     pub(super) exchange: f64,
     /// The same without occluders, m².
     pub(super) unoccluded: f64,
-    /// What that has changed by where the two were moved to meet, as far as no first order tells, m².
+    /// The change of that exchange where the two were moved to meet, beyond the first order, m².
     pub(super) moved: f64,
     /// True if something was left out between the two that reaches in between by no more than rounding explains.
     pub(super) touched: bool,
@@ -123,7 +123,7 @@ impl Batches<'_> {
 
     /// Counts a pair that is taken over from before a change with its error, if that is above the tolerance.
     ///
-    /// What makes it so is known no more: rounding, if that explains all beyond the tolerance, whether something was left out between the two or not.
+    /// The cause is unknown here: rounding, if that explains all beyond the tolerance, whether something was left out between the two or not.
     pub(super) fn count_kept(&self, pair: [usize; 2], kept: Exchange, counts: &mut PairCounts) {
         if self.before.is_none_or(|before| before.tolerance_met) {
             return;

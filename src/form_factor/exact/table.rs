@@ -17,7 +17,7 @@ pub(super) enum Table {
 }
 
 impl Table {
-    /// Tells whether it holds these rows of a batch, to the bits of a table that is made for them.
+    /// Returns whether it holds these rows of a batch, to the bits of a table that is made for them.
     ///
     /// Sums over corners hold more rows than they are made for: whole ones of a grid. The last bits depend on where these begin, and a batch may be the first of a run that goes on from a
     /// checkpoint, or of a rank. So none is kept for the next batch.

@@ -15,7 +15,7 @@ struct Cell {
     events: Vec<u32>,
 }
 
-/// What is integrated over at once.
+/// A domain of one integration.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Shape {
     Triangle([DVec2; 3]),

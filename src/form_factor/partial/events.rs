@@ -64,7 +64,7 @@ impl Screen {
         }
     }
 
-    /// Tells where the segment from x through v to y crosses the screen, deeper inside than a tolerance: before v or behind it.
+    /// Returns where the segment from x through v to y crosses the screen, deeper inside than a tolerance: before v or behind it.
     fn place_on(&self, x: DVec3, v: DVec3, y: DVec3) -> Option<Ordering> {
         let [height_x, height_y] = [x, y].map(|p| self.plane.snapped_height(p, FLAT));
         if height_x * height_y >= 0.0 {
@@ -422,7 +422,7 @@ impl<'a> Outline<'a> {
         })
     }
 
-    /// Tells whether, seen from everywhere between the two ends, the edge or the vertex lies inside its occluders' outline.
+    /// Returns whether, seen from everywhere between the two ends, the edge or the vertex lies inside its occluders' outline.
     fn is_hidden(&self, vertex: &Vertex, edge: &Edge, ends: [DVec3; 2]) -> bool {
         Self::is_inner(edge, ends)
             || (!vertex.edges.is_empty() && vertex.edges.iter().all(|&e| Self::is_inner(&self.edges[e], ends)))

@@ -49,7 +49,7 @@ pub(crate) struct PointViews {
     pub(super) index: OccluderIndex,
     /// The patches that each occluder is cut into.
     pub(super) patches_of: Vec<Vec<usize>>,
-    /// What counts as in a plane, m.
+    /// The distance up to which a point counts as in a plane, m.
     tolerance: f64,
 }
 
@@ -99,7 +99,7 @@ impl PointViews {
         self.tolerance
     }
 
-    /// Tells where a point is.
+    /// Returns where a point is.
     pub(crate) fn place(&self, point: DVec3) -> Place {
         let mut is_on_face = false;
         self.tree_of_faces
@@ -181,7 +181,7 @@ fn widened((low, high): (DVec3, DVec3), by: f64) -> (DVec3, DVec3) {
     (low - by, high + by)
 }
 
-/// Tells whether a half-line meets a box.
+/// Returns whether a half-line meets a box.
 fn is_met((low, high): (DVec3, DVec3), start: DVec3, direction: DVec3) -> bool {
     let (from, to) = ((low - start) / direction, (high - start) / direction);
     // `f64::max` and `f64::min` pass over the 0 / 0 of a half-line within a side.

@@ -76,7 +76,7 @@ impl LowEdges {
     }
 }
 
-/// What of an occluder is between receiver and target is low up to this part of the receiver's diameter.
+/// An occluder's part between receiver and target is low up to this fraction of the receiver's diameter.
 const LOW: f64 = 0.1;
 
 /// Returns where a receiver is cut for a low part of an occluder, given in the receiver's frame: below its edges, and across it at its corners.

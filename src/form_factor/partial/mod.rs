@@ -50,7 +50,7 @@ use shadow::Shadows;
 pub(crate) use sunlit::{Lit, lit_part};
 pub(crate) use view_cells::Scratch;
 
-/// What of the error allowed the exchange area without occluders may have.
+/// The share of the allowed error for the exchange area without occluders.
 const SHARE_OF_WHOLE: f64 = 1e-3;
 
 /// How exactly to integrate.
@@ -96,7 +96,7 @@ pub struct Partial {
 /// Where the tolerance is above a hundredth of the exchange area without occluders, cells are first looked at from 7 or 9 points on their border and in the middle, with which most are
 /// done; what three edges of different occluders open between these points is not seen there, and at least a quarter of the tolerance, by the area of the cells that something is hidden from, is then stated as error.
 /// Cells from which several bodies hide something are looked at from 13 or 25 points a triangle in any case.
-/// What a closed convex solid hides from a point lies behind its silhouette, one convex polygon, however many sides there are. Of a solid with seven sides or more in the way, the discontinuity lines are left out at first: such a view is
+/// A closed convex solid hides from a point the region behind its silhouette, one convex polygon, however many sides there are. Of a solid with seven sides or more in the way, the discontinuity lines are left out at first: such a view is
 /// smooth but for small bends, and plain subdivision finds these. Cells that see nothing of the solid are told by a plane between; others in which all points agree state what may lie between the points. Where 200 evaluations for each side do not reach the goal, the lines are looked for after all.
 /// More than 4096 cells or a million pairs of vertices and edges are left to plain subdivision, which finds their lines with more evaluations.
 /// A polygon without area, or with less than three corners, exchanges nothing; coordinates that are not finite give NaN.
@@ -403,7 +403,7 @@ impl<'a> View<'a> {
             .collect();
         // One shadow between all points is in one triangle, or between a few.
         let mut unseen = UNSEEN * most;
-        while unseen > 0.5 * goal {
+        while unseen > 0.25 * goal {
             triangles = triangles
                 .into_iter()
                 .flat_map(|corners| Shape::Triangle(corners).halves())

@@ -34,19 +34,19 @@ const MORE_THAN_SEEN: f64 = 4.0;
 /// A closed form costs as much as some evaluations: the other part is taken where its error is this many times smaller.
 const BETTER: f64 = 0.5;
 
-/// What of a cell a shadow may cover that all points of a rule miss.
+/// The fraction of a cell that a shadow may cover without touching a point of a rule.
 const BETWEEN_POINTS: f64 = 0.15;
 
 /// The same where the shadow is wider than the points are apart, and so only reaches in.
 const AT_A_SIDE: f64 = 0.03;
 
-/// What of a cell lies beyond the points on its border.
+/// The fraction of a cell beyond the points on its border.
 const BEYOND_POINTS: f64 = 1e-3;
 
 /// Edges up to this part of the receiver's size above it run in its plane.
 const IN_PLANE: f64 = 1e-13;
 
-/// What a receiver sees of its target from its points.
+/// The visible part of a target from the points of its receiver.
 pub(super) struct Sight {
     pub(super) receiver: Receiver,
     /// The target, its plane, and the half-planes that it is made of: seen from the origin of the receiver's frame.
@@ -323,7 +323,7 @@ impl Ord for Piece {
     }
 }
 
-/// What the points of a rule have shown of a cell.
+/// The visibility of a cell at the points of a rule.
 pub(super) struct Look {
     shape: Shape,
     pub(super) estimate: Estimate,

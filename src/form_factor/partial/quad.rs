@@ -20,7 +20,7 @@ const MIDDLE: f64 = 1.0 - 2.0 * OUTER;
 ///
 /// With c_mn the coefficients of f times the element of area in discrete orthonormal polynomials u^m v^n on the points, the error is taken as 3/2 area (‖c₂₀, c₁₁, c₀₂‖ + ‖c₂₁, c₁₂‖ + |c₂₂|):
 /// what the rule integrates exactly where f is smooth. A kink along an axis changes the integral by less, wherever it lies, and a jump by at most √2 times as much.
-/// What lies wholly between points leaves no trace: for functions whose kinks are sides of the quadrilateral.
+/// A detail wholly between points leaves no trace: for functions whose kinks are sides of the quadrilateral.
 pub(super) fn integrate([a, b, c, d]: [DVec2; 4], mut f: impl FnMut(DVec2) -> Parts) -> Estimate {
     let places = [-REACH, 0.0, REACH].map(|u| 0.5 + 0.5 * u);
     let nodes: [(DVec2, f64); N_POINTS] = std::array::from_fn(|k| {

@@ -21,7 +21,7 @@ const FIRST: usize = 2;
 /// The error in standard errors of the mean: of Student's distribution with 15 degrees of freedom, 999 in 1,000 are within 4.07; a stop at a spread that is small by chance asks for more.
 const SPREADS: f64 = 4.5;
 
-/// What of all rays may have missed something, in rays, where some were stopped and others not.
+/// The number of rays that may have missed something, where some were stopped and others not.
 const MISSED: f64 = 3.0;
 
 /// The same where all were, or none: of what 8 in n rays would meet, n rays meet nothing in three of 10,000 cases.
@@ -39,7 +39,7 @@ const MIN_LOOSE: usize = 3;
 /// The same of all that stands between.
 const MIN_ALL: usize = 5;
 
-/// What of the error allowed that of rays may be: where clipping is mostly far better than it states, rays are not, and rows have many of them.
+/// The share of the allowed error for rays: clipping is mostly far better than it states, rays are not, and rows have many of them.
 const SHARE: f64 = 0.3;
 
 /// Clipping has to cost so many times more: its true errors are mostly far smaller, and rows gain from that.
@@ -134,7 +134,7 @@ fn n_corners<'a>(polygons: impl Iterator<Item = &'a Occluder<'a>>) -> usize {
 
 /// Returns what `n` rays of each scramble tell: of the kernel on them, all and what was stopped, and the squares of all, summed.
 ///
-/// What the kernel on the rays is off its integral, rays have missed of it, or of what is seen or hidden. Where it differs from ray to ray, they are as good as fewer.
+/// The error of the kernel on the rays, of the rays that missed, or of the visible or hidden part. Where it differs from ray to ray, they are as good as fewer.
 fn estimate(sums: &[[f64; 3]; SCRAMBLES], n: usize, n_stopped: usize, whole: Whole) -> Whole {
     let count = SCRAMBLES as f64;
     let [all, hidden, squared] = [0, 1, 2].map(|k| sums.iter().map(|sum| sum[k]).sum::<f64>());

@@ -110,7 +110,7 @@ const ORBITS: [Orbit; 5] = [
 /// The sums of the weights in Radon's rule of degree 5: the centroid, then the first two orbits, (155 ∓ √15)/400.
 const FIRST_WEIGHTS: [f64; 3] = [0.225, 0.377_817_541_634_481_5, 0.397_182_458_365_518_5];
 
-/// What the parts of a loose rule's spectrum are taken times for its error: a jump between two of its points may be off by √2 times the part of degree two that it leaves.
+/// The factor from the parts of a loose rule's spectrum to its error: a jump between two of its points may be off by √2 times the part of degree two that it leaves.
 pub(super) const SAFETY: f64 = 1.5;
 
 /// Points a thousandth within the corners of the triangle and the middles of its sides, in the second and the third barycentric coordinate: beyond all points of the rule.
@@ -141,7 +141,7 @@ pub(super) const N_BORDER: usize = 6;
 /// The polynomials of degree d are (d + 1)^{3/2} in norm at a corner: 14.7 for degree 5, 8 for degree 3.
 const SMOOTH_ON_BORDER: f64 = 20.0;
 
-/// What of the triangle a strip along its border may cover that no point of the rule lies in.
+/// The fraction of the triangle that a strip along its border may cover without a point of the rule.
 const UNSEEN_STRIP: f64 = 0.2;
 
 /// The number of points of the rule for loose tolerances: the centroid and those on the border.

@@ -1,4 +1,4 @@
-//! What a point sees of a convex polygon behind convex occluders, by exact clipping.
+//! The visible part of a convex polygon behind convex occluders from a point, by exact clipping.
 
 use std::cmp::Reverse;
 use std::f64::consts::TAU;

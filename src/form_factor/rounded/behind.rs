@@ -19,7 +19,7 @@ const TOUCHING: f64 = 0.05;
 #[derive(Clone, Debug)]
 pub(super) struct Plane {
     middle: DVec3,
-    /// What the weight of each vertex in the height of a point changes by on the way to that point, per m: the heights of the vertices fit the plane by least squares.
+    /// The change of each vertex's weight in the height of a point on the way to that point, per m: the heights of the vertices fit the plane by least squares.
     slopes: Vec<DVec3>,
     /// How far the normal may turn, in radians.
     tilt: f64,
@@ -69,7 +69,7 @@ fn deviations(square: f64) -> f64 {
     DEVIATIONS * (square / 3.0).sqrt()
 }
 
-/// What decides most pairs.
+/// A coarse description that decides most pairs.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Glance {
     normal: DVec3,
@@ -101,7 +101,7 @@ impl Glance {
     }
 }
 
-/// What of a patch may be in front of another's plane.
+/// The part of a patch that may be in front of another's plane.
 struct Front {
     /// Its area, m².
     area: f64,
@@ -115,7 +115,7 @@ struct Front {
     may_be_none: bool,
 }
 
-/// What two patches may exchange as they were meant.
+/// The exchange that two patches may have had before rounding.
 pub(super) struct Meant {
     /// The most, m².
     pub(super) most: f64,
@@ -148,7 +148,7 @@ impl Rounded {
     /// Each corner's height over the other's plane may be off by what the vertices that it depends on are, as [`error`](Self::error) states it. What cannot be in front of that plane is cut off, a_i and a_j are left.
     /// With θ the angles to both normals, A_i F_ij is at most a_i a_j cos θ_i cos θ_j / (π g²) at a gap g, and a_i sin² φ / 2 if j rises to an angle φ over the plane of i; so for j. As
     /// cos θ_i + cos θ_j ≤ |n_i − n_j|, patches of about the same plane see next to nothing of each other, however near they are. Corners that patches share, or touch each other with, move both.
-    /// What lies flat on something is meant to, and sees nothing, as far as it is wider than it may be off.
+    /// A patch that lies flat on another is meant to, and sees nothing, as far as it is wider than it may be off.
     ///
     /// Work: some ns for each column, and some µs for each pair that is not decided by middles and radii.
     pub(in crate::form_factor) fn behind(

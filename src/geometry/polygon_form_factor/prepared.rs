@@ -9,7 +9,7 @@ use super::real::Vector;
 #[derive(Clone, Debug)]
 pub struct PreparedPolygon {
     corners: Vec<DVec3>,
-    /// What the exact corners are away from `corners`; empty where these are exact.
+    /// The displacements of the exact corners from `corners`; empty where these are exact.
     remainders: Vec<DVec3>,
     /// Area times normal, with every digit that the corners have.
     area_vector: Vector<DoubleDouble>,

@@ -92,7 +92,7 @@ struct ProductBound {
     convergence: Option<[Convergence; 2]>,
 }
 
-/// What the error of a Gauss rule over one polygon depends on.
+/// The variables of the error of a Gauss rule over one polygon.
 #[derive(Clone, Copy)]
 struct Convergence {
     /// Half of the longest line of points, against the distance of its middle from the other's sphere; below 1.

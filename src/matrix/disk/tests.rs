@@ -1,4 +1,4 @@
-//! What happens to a scratch file that is not left alone.
+//! Scratch files that others change.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 

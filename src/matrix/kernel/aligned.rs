@@ -5,7 +5,7 @@ use std::ops::{Deref, DerefMut};
 /// The size of a cache line, and of the widest registers.
 pub(in crate::matrix) const LINE_BYTE: usize = 64;
 
-/// The bytes by which a processor tells first whether a number that is read has just been written: what lies a multiple of them apart looks like the same to it, and is waited for.
+/// The distance at which addresses alias in a processor's check of reads against recent writes: a read this many bytes, or a multiple, from a write waits for it.
 const PAGE_BYTE: usize = 4096;
 
 /// Returns the least distance of slices of at least `n_values` numbers in f64, all of which are read and written at the same place by turns: a whole number of cache lines, and a third of

@@ -73,7 +73,7 @@ impl Coefficients {
         }
     }
 
-    /// Asks for what [`products`] reads before it asks for anything itself.
+    /// Prefetches the first entries that [`products`] reads.
     pub(crate) fn announce(&self) {
         fn ask<T>(values: &[T]) {
             let n_values = values.len().min(ahead_byte(ROWS_AT_ONCE) / size_of::<T>());

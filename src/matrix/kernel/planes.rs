@@ -46,7 +46,7 @@ impl Planes {
 
     /// Returns the values of channels 0 to 3, 4 to 7 and so on of every row, filled up with zeros as the planes are.
     ///
-    /// What gathers rows finds all channels of one in the same cache line.
+    /// A gather of rows finds all channels of one row in the same cache line.
     pub(in crate::matrix) fn fours(&self) -> impl Iterator<Item = &[[f64; FOUR]]> {
         let of_group = |planes: &[f64]| {
             let mut values = Aligned::filled(self.n_padded() * FOUR, 0.0);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 /// A slice of values that others may follow.
 ///
-/// What is read in a row is faster from one piece of memory than from many: a processor fetches ahead what lies behind.
+/// A sequential read is faster from one piece of memory than from many: a processor prefetches the bytes behind it.
 #[derive(Clone, Debug)]
 pub(in crate::matrix) struct Shared<T> {
     /// Not behind a pointer to a pointer: sweeps wait for each.

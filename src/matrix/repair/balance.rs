@@ -115,7 +115,7 @@ impl FormFactors {
     /// to its error, as what it was may have been right: what is off in a row is often one entry alone.
     /// Every pass replaces d_i by d_i sqrt(sum_i / row sum_i). In a cube the error halves with every pass: 33 passes to 1e-12, whether it has 384 patches or 6144.
     ///
-    /// What a row loses is scaled like its entries, as one more column, of a sky that has no row of its own to keep a sum. In an open scene a row's loss is a
+    /// The loss of a row is scaled like its entries, as one more column, of a sky that has no row of its own to keep a sum. In an open scene a row's loss is a
     /// count of its own rays and no better than its entries, which by then rest on the rays of both ends; held to the loss as it was counted, a patch that missed a
     /// small one with all of its rays would see nothing at all, and the other's hits would be lost with its misses. That sum and loss together are 1 is geometry, and holds exactly.
     /// Where losses are positive such a d always exists. Rows that nothing is known to escape from have the loss 0, and sums that are met as they are given.

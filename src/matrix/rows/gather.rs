@@ -3,8 +3,8 @@
 //! Several channels are taken four at a time: the channels of two rows of x fill one register, so that entries are loaded, widened
 //! and placed once for all of them, in hardly more instructions than for one channel.
 //!
-//! Places are checked at every access on purpose: without that the compiler gathers with one instruction for eight entries, which takes twice as
-//! long on one processor with AVX-512 (1.11 ns an entry, 0.52 with checks, x in the first-level cache) and 0.83 of the time on another (0.24 and 0.29).
+//! Places are checked at every access on purpose: without that the compiler gathers with one instruction for eight entries, which is
+//! much slower on some processors with AVX-512 and hardly faster on others.
 
 #![expect(
     clippy::inline_always,

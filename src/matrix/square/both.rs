@@ -45,7 +45,7 @@ pub(in crate::matrix) type FullMeeting<'a> = (
 );
 
 impl<'a> Meeting<'a> {
-    /// Returns x in the rows and in the columns, y in the columns, and the partial sums of the rows, as arrays: what is known to be long enough is not checked at every access.
+    /// Returns x in the rows and in the columns, y in the columns, and the partial sums of the rows, as arrays: their lengths need no check at every access.
     #[inline(always)]
     pub(in crate::matrix) fn of_full_size(self) -> FullMeeting<'a> {
         (

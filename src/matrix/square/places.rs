@@ -150,7 +150,7 @@ impl Places {
         })
     }
 
-    /// Asks for what is about as far behind these places as a tile's take up, while these are worked on.
+    /// Prefetches the bytes about one tile behind these places.
     #[inline(always)]
     pub(in crate::matrix) fn ask_behind(&self) {
         prefetch(&self.strips, 2 * SIDE / STRIP);

@@ -272,7 +272,7 @@ impl<T: Scalar> Square<T> {
         }
     }
 
-    /// Asks for the memory that tells where the entries of a list are.
+    /// Prefetches the places of the entries of a list.
     pub(in crate::matrix) fn ask(&self) {
         if let Self::List(list) = self {
             prefetch(std::slice::from_ref(&**list), 0);

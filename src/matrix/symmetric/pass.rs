@@ -17,7 +17,7 @@ pub(in crate::matrix) struct PassSums {
     rows: Aligned<f64>,
     /// Channel by channel, each filled up to a multiple of [`SIDE`] at least.
     columns: Aligned<f64>,
-    /// What the transposes of tiles on the diagonal add, channel by channel: it is not needed.
+    /// The sums of the transposes of tiles on the diagonal, channel by channel: they are not needed.
     nowhere: Aligned<f64>,
 }
 

@@ -15,7 +15,7 @@ pub(super) enum PixelAnswer {
     Background,
     /// Which samples are on which surface depends on rounding.
     Border,
-    /// What all samples see is sure.
+    /// All samples see the same for certain.
     Surface(Box<Shown>),
 }
 
@@ -34,7 +34,7 @@ pub(super) struct Shown {
     pub(super) irradiance: Option<Lit>,
     /// Whether something hides a part of an emitter.
     pub(super) shaded: bool,
-    /// What the picture's own shadow rays find, where an emitter is hidden in part and they decide.
+    /// The result of the picture's own shadow rays, where an emitter is hidden in part and they decide.
     pub(super) drawn: Option<Drawn>,
     /// How far the rounding of corners may change the irradiance.
     pub(super) rounding: [f64; 3],
@@ -76,7 +76,7 @@ impl PixelAnswer {
     }
 }
 
-/// What is at the centre of a pixel.
+/// The content of the centre of a pixel.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Centre {
     /// That depends on rounding.

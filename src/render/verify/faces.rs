@@ -29,7 +29,7 @@ struct Owner {
 pub(super) struct Faces<'a> {
     reference: &'a Reference<'a>,
     owners: Vec<Owner>,
-    /// What each face's points see, found when it is first wanted.
+    /// The view from each face's points, found when it is first wanted.
     regions: Vec<OnceLock<Region<'a>>>,
     size: Size,
 }
@@ -46,7 +46,7 @@ pub(super) struct Hit {
     pub(super) alone: bool,
 }
 
-/// What is seen along a ray, as far as rounding leaves no doubt.
+/// The hit of a ray, as far as rounding leaves no doubt.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Seen {
     Nothing,

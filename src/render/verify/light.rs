@@ -8,7 +8,7 @@ pub(super) type Lit = ([f64; 3], [f64; 3]);
 /// The direct irradiance as the picture's own shadow rays find it, per channel.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Drawn {
-    /// What it is at least and at most, the difference being what rounding decides.
+    /// The least and the greatest value; rounding decides between the two.
     pub(super) range: [[f64; 3]; 2],
     /// The standard error that the picture must state; `None` where rounding decides.
     pub(super) error: Option<[f64; 3]>,

@@ -55,7 +55,7 @@ const FALSE_ALARM: f64 = 1e-6;
 /// [`OccluderIndex`](crate::visibility::occluders::OccluderIndex); a pixel may differ by as much as its answer then differs from that with the corners as they are, and by what bent faces make of it. Where that is
 /// more than a hundredth of the form factor, it is left out: [`VerifyReport::complete`] tells whether any is. A [field](super::field()) of form factors is the irradiance in the scene in which its surface alone emits, 1 W·m⁻².
 ///
-/// What the samples of a perspective image see is found again in f64, without the image: a pixel with a sample nearer to an edge than 1e-6 of the scene's size is counted and left out.
+/// The hits of a perspective image's samples are found again in f64, without the image: a pixel with a sample nearer to an edge than 1e-6 of the scene's size is counted and left out.
 ///
 /// The means over rows and columns, of a tile or of the perspective image, are compared as well, where noise hides more of a pixel, and the mean over what is seen of each surface. That over a tile's wall is also compared with Σ_j E_j A_i F_ij / A_i of the
 /// [rectangles](crate::geometry::rectangle::rectangle_exchange_area), or of the [integration](crate::form_factor::partial::exchange_area) to 1e-10 where they are occluded. Beside that, positions, depths, normals and reflectances must be those of

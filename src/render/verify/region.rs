@@ -22,9 +22,9 @@ pub(super) struct Region<'a> {
 
 /// The occluders between a region and an emitter.
 pub(super) struct Between<'a> {
-    /// What was meant to, before the coordinates of corners were rounded.
+    /// Those before the coordinates of corners were rounded.
     pub(super) meant: Vec<&'a Plate>,
-    /// What does as the corners are.
+    /// Those with the corners as they are.
     pub(super) literal: Vec<&'a Plate>,
     /// Whether region and emitter are one face, or the two sides of a sheet that rounding has parted: they see nothing of each other.
     pub(super) is_sheet: bool,

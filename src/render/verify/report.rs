@@ -87,7 +87,7 @@ pub struct Tolerance {
     pub n_comparisons: usize,
     /// Rays per pixel whose noise is allowed for; 0 where the image has none, or where its shadow rays are drawn again.
     pub n_rays: u64,
-    /// What these rays are worth in independent samples; 0 where the image has none.
+    /// The number of independent samples that these rays are worth; 0 where the image has none.
     pub n_effective: f64,
     /// The largest statistical part of a pixel's tolerance, in W·m⁻²: the bound that is proven, or what its neighbours' errors allow; how far from the truth shadow rays are that were drawn again.
     pub max_statistical: f64,

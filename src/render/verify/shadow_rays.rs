@@ -16,7 +16,7 @@ use crate::render::samples::PixelSamples;
 /// How near to an occluder's edge, as a share of the scene's size, a ray in f32 (6e-8) may pass on either side.
 const SHIFT: f64 = 1e-6;
 
-/// What is needed to draw the rays of [`DirectMethod::Polygons`] again.
+/// The data to draw the rays of [`DirectMethod::Polygons`] again.
 pub(super) struct ShadowRays {
     n: u32,
     /// How many independent rays these are worth.
@@ -55,7 +55,7 @@ pub(super) struct Start<'a> {
 /// The visible fraction of an emitter that one point's rays find.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Fraction {
-    /// What it is at least and at most: rays so near to an edge that rounding decides what they meet count as blocked and as not.
+    /// The least and the greatest value: rays so near to an edge that rounding decides their hit count as blocked and as not.
     pub(super) range: [f64; 2],
     /// The variance that is stated with it; `None` where rounding decides.
     pub(super) variance: Option<f64>,

@@ -22,7 +22,7 @@ pub(super) struct Sheet {
     pub(super) top: usize,
     pub(super) width: usize,
     pub(super) answers: Vec<PixelAnswer>,
-    /// What the centre of each pixel shows.
+    /// The surface at the centre of each pixel.
     pub(super) centres: Vec<Centre>,
     /// The eye and the axis of a camera; depth is measured along it, and is 0 without one.
     pub(super) view: Option<(DVec3, DVec3)>,
@@ -121,7 +121,7 @@ struct Eye<'a> {
     samples: PixelSamples,
     /// Of each pixel, where they differ.
     n_samples: Option<&'a [u32]>,
-    /// What was found out about the faces that were seen.
+    /// The findings about the faces that were seen.
     seen: Vec<(usize, SeenFrom)>,
 }
 

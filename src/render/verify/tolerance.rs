@@ -64,7 +64,7 @@ pub(super) fn self_normalised(sum_of_squares: f64, m: f64, log_odds: f64) -> f64
     (2.0 * log_odds * sum_of_squares).sqrt() / m
 }
 
-/// What rays may find where an emitter is hidden, as a share of the largest exitance: they see outlines whose corners are rounded to f32,
+/// The error of rays where an emitter is hidden, as a share of the largest exitance: they see outlines whose corners are rounded to f32,
 /// 6e-8 of the scene's size off, and a shadow's edge moves by a few times that.
 pub(super) const LEAK: f64 = 1e-6;
 

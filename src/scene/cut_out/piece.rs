@@ -11,7 +11,7 @@ type Line = [DVec3; 2];
 #[derive(Clone, Debug)]
 pub(super) struct Piece {
     corners: Vec<DVec3>,
-    /// The line along which the edge from each corner to the next runs, by corners of the scene: a crossing is computed from these alone, so that it is the same to the last bit
+    /// The line of the edge from each corner to the next, by corners of the scene. A crossing is computed from these alone, so that it is the same to the last bit
     /// in every piece and every face that meets there.
     along: Vec<Line>,
 }

@@ -12,7 +12,7 @@ use crate::input_file;
 use crate::scene::lines::line_after;
 use crate::scene::{Origin, SceneError, SceneErrorKind};
 
-/// Asks whether there is memory for so many bytes more; an error refuses.
+/// Returns an error if there is no memory for so many bytes more.
 pub(crate) type Room<'a> = &'a dyn Fn(u64) -> Result<(), SceneErrorKind>;
 
 /// Bytes that are read at once where a file is read as a stream.

@@ -13,7 +13,7 @@ use crate::scene::{FaceId, Positions, Scene};
 /// The part of a cap's area that may seem uncovered by rounding.
 const UNCOVERED: f64 = 1e-12;
 
-/// Returns the caps of open pieces whose border lies in the planes of other faces that cover all that it bounds: the piece, and the corners of the face that would close it there.
+/// Returns the caps of open pieces whose border lies in planes of other faces that cover the opening: the piece, and the corners of the closing face.
 ///
 /// A piece is named only if all of its border is closed so. `tolerance`: how far corners may be off those planes, m.
 /// Work: O(n log n) and the faces around each border.

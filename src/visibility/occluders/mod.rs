@@ -212,7 +212,7 @@ impl OccluderIndex {
         self.entries[occluder.0 as usize].solid.map(|solid| solid as usize)
     }
 
-    /// Tells of each closed convex solid whether a point lies outside of it for certain.
+    /// Returns for each closed convex solid whether a point lies outside of it for certain.
     pub(crate) fn solids_without(&self, point: DVec3) -> Vec<bool> {
         let excludes = |solid: &Solid| solid.excludes(&[point], self.slack);
         self.solids.iter().map(excludes).collect()
@@ -398,7 +398,7 @@ struct Look<'a> {
     shaft: &'a Shaft<'a>,
     slack: f64,
     found: Vec<OccluderId>,
-    /// What hides all for certain.
+    /// The occluder that hides all for certain.
     closer: Option<Closer>,
     /// Whether all is hidden, but for what passes by rounding.
     is_closed: bool,
@@ -410,7 +410,7 @@ struct Look<'a> {
 impl Look<'_> {
     /// Looks at one more occluder; false where no more need be looked at.
     ///
-    /// What lies in the plane of a patch hides nothing from it; what is a gap off, which was meant, hides it, however narrow that is.
+    /// An occluder in the plane of a patch hides nothing from it; one that is a gap off, which was meant, hides it, however narrow that is.
     fn at(&mut self, occluder: OccluderId) -> bool {
         let (shaft, entry) = (self.shaft, &self.index.entries[occluder.0 as usize]);
         if shaft.is_apart_from(entry.low, entry.high) || !self.meets(entry) {

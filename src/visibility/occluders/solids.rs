@@ -41,10 +41,12 @@ pub(crate) struct Solid {
 }
 
 impl Solid {
-    /// Returns whether the inside of a polygon lies strictly outside of the solid: whether it is in front of one of the solid's planes, and not in it, or has no side of the solid in its own plane and all of it on one side.
+    /// Returns whether the inside of a polygon lies strictly outside of the solid.
+    ///
+    /// It does if it is in front of one of the solid's planes, or if its own plane holds no side of the solid and has all of it on one side.
     ///
     /// A polygon in the plane of a side may lie behind that side, which then hides nothing from it: it counts as outside only if another plane tells.
-    /// What lies within `slack`, m, and rounding of a plane counts as in it.
+    /// A point within `slack`, m, and rounding of a plane counts as in it.
     pub(super) fn excludes(&self, corners: &[DVec3], slack: f64) -> bool {
         let tolerance = slack + rounding(corners).max(self.rounding);
         self.is_before_a_side(corners, tolerance) || self.is_on_one_side(corners, tolerance)

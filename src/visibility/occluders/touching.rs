@@ -65,7 +65,7 @@ fn through_middle(corners: &[DVec3]) -> Plane {
     Plane { point: middle, ..plane }
 }
 
-/// Returns the corners of an occluder, those that are within `slack`, m, of the plane of a patch on whose front it stands moved behind that by as much: nothing shines through under it.
+/// Returns the corners of an occluder that stands on a patch: those within `slack`, m, of the patch's plane are moved behind it by as much, so that no light passes under it.
 pub(crate) fn standing_on<'a>(patches: [&[DVec3]; 2], occluder: &'a [DVec3], slack: f64) -> Cow<'a, [DVec3]> {
     let mut corners = Cow::Borrowed(occluder);
     if slack <= 0.0 {

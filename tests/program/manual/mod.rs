@@ -7,6 +7,7 @@ mod flags;
 mod json;
 mod links;
 mod sources;
+mod vocabulary;
 
 use std::path::{Path, PathBuf};
 
@@ -14,10 +15,11 @@ use std::path::{Path, PathBuf};
 type Generated = (&'static str, fn() -> String);
 
 /// The generated pages.
-const GENERATED: [Generated; 3] = [
+const GENERATED: [Generated; 4] = [
     ("docs/flags.md", flags::page),
     ("docs/json.md", json::page),
     ("docs/sources.md", sources::page),
+    ("docs/vocabulary.md", vocabulary::page),
 ];
 
 /// Returns a path in the repository.

@@ -6,7 +6,7 @@ use crate::solver::Start;
 /// A method with its start and settings.
 #[derive(Clone, Copy, Debug)]
 pub struct Method {
-    /// What tables call it.
+    /// Its name in tables.
     pub name: &'static str,
     /// The solver's name.
     pub solver: &'static str,
@@ -24,7 +24,7 @@ pub struct Method {
     paper_passes: Option<[u64; 6]>,
 }
 
-/// What a method is expected to do in a case.
+/// The expected outcome of a method in a case.
 #[derive(Clone, Copy, Debug)]
 pub struct Expected {
     /// Passes, or steps where it goes by steps.

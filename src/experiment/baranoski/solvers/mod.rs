@@ -8,7 +8,7 @@
 //! The paper gives times alone, on a machine of 1995. Its passes follow where a method's time per pass is constant; the counts to compare with come from an
 //! independent implementation of the corrected algorithms on independently computed form factors.
 //!
-//! What `radiosity reproduce baranoski --tables 2` measures (form factors `exact` to 1e-6; counts do not depend on the machine): every count of passes is the expected
+//! Findings of `radiosity reproduce baranoski --tables 2` (form factors `exact` to 1e-6; counts do not depend on the machine): every count of passes is the expected
 //! one where there is one, steps of progressive refinement differ by 0.2 % at most. Passes until max |r A| < 1e-3 W:
 //!
 //! | method | A | B | C | D | E | F |
@@ -77,7 +77,7 @@ const REFERENCE_TOLERANCE: f64 = 1e-12;
 /// Points of a history for each pass of a method that goes by steps.
 const POINTS_PER_PASS: usize = 16;
 
-/// What one method did in one case.
+/// The outcome of one method in one case.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 pub struct SolverRun {
@@ -95,7 +95,7 @@ pub struct SolverRun {
     pub error_rms: f64,
     /// Goertler's error at the end.
     pub error_goertler: f64,
-    /// What an independent implementation counted, in steps where the method goes by steps, else in passes.
+    /// The count of an independent implementation, in steps where the method goes by steps, else in passes.
     pub expected_count: Option<u64>,
     /// The RMS error that it had at its end, to one digit.
     pub expected_rms: Option<f64>,
@@ -125,7 +125,7 @@ pub struct CaseResult {
     pub density: f64,
     /// The methods.
     pub runs: Vec<SolverRun>,
-    /// What the algorithms do as they are printed.
+    /// The outcomes of the algorithms as they are printed.
     pub printed_forms: Vec<PrintedForm>,
     /// The eigenvalues of I − diag(ρ) F, ascending.
     #[serde(skip)]

@@ -1,4 +1,4 @@
-//! What the algorithms do as they are printed.
+//! The algorithms as they are printed.
 
 #![expect(
     clippy::shadow_unrelated,
@@ -36,7 +36,7 @@ pub enum Verdict {
 pub struct PrintedForm {
     /// Its name.
     pub name: &'static str,
-    /// What is printed wrong.
+    /// The misprint.
     pub slip: &'static str,
     /// Steps done, n of them in a pass.
     pub n_steps: u64,

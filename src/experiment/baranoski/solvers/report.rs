@@ -204,7 +204,7 @@ fn convergence(result: &CaseResult, norm: &Norm, by_time: bool) -> CurvePlot {
 }
 
 fn spectra(results: &[CaseResult], title: &str, cases: &[char]) -> CurvePlot {
-    let shown = results.iter().filter(|r| cases.contains(&r.case.name)).enumerate();
+    let shown = results.iter().enumerate().filter(|(_, r)| cases.contains(&r.case.name));
     CurvePlot {
         title: title.to_owned(),
         subtitle: "I − diag(ρ) F, all eigenvalues in ascending order".to_owned(),
@@ -221,7 +221,8 @@ fn spectra(results: &[CaseResult], title: &str, cases: &[char]) -> CurvePlot {
                     result.case.rho_avg,
                     100.0 * result.density
                 ),
-                style,
+                // The first styles are those of the solvers.
+                style: METHODS.len() + style,
                 points: result
                     .eigenvalues
                     .iter()
