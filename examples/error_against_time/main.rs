@@ -37,10 +37,9 @@ const TABLE: &[(&str, &[f64], f64)] = &[
     ("tree:150", &[1e-1, 1e-2], 1e-3),
     ("height:16", &[1e-3, 1e-4], 1e-6),
     ("height:32", &[1e-3, 1e-4], 1e-5),
-    ("height:64", &[1e-4], 1e-5),
+    ("height:64", &[1e-3], 1e-4),
     ("city:7", &[1e-3, 1e-4], 1e-5),
-    ("city:22", &[1e-3], 1e-4),
-    ("scenes/living-room/scene.obj", &[1e-2], 1e-3),
+    ("city:12", &[1e-3], 1e-4),
 ];
 
 /// Meshes of 100,352 and 1,000,000 triangles, of which only the first factor is waited for.

@@ -49,7 +49,7 @@ pub(crate) fn made(name: &str) -> Option<Result<Loaded, SceneError>> {
 struct Faces {
     vertices: Vec<[f64; 3]>,
     known: HashMap<[u64; 3], u32>,
-    faces: Vec<Vec<u32>>,
+    corners: Vec<Vec<u32>>,
 }
 
 impl Faces {
@@ -61,7 +61,7 @@ impl Faces {
             reflectance: [0.5; 3],
             exitance: [0.0; 3],
         })?;
-        builder.faces(&self.vertices, &self.faces, &[SurfaceId(0)], &[MaterialId(0)])?;
+        builder.faces(&self.vertices, &self.corners, &[SurfaceId(0)], &[MaterialId(0)])?;
         builder.build()
     }
 
@@ -72,7 +72,7 @@ impl Faces {
         if face.first() == face.last() {
             face.pop();
         }
-        self.faces.push(face);
+        self.corners.push(face);
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "no mesh here has so many vertices")]
@@ -161,15 +161,20 @@ impl Faces {
         };
         let (along_x, along_y) = (spans(), spans());
         let end = 40.0 * n as f64;
-        let gaps = |spans: &[[f64; 2]]| -> Vec<[f64; 2]> {
+        let gaps = |houses: &[[f64; 2]]| -> Vec<[f64; 2]> {
             let lines: Vec<f64> = [0.0]
                 .into_iter()
-                .chain(spans.iter().flatten().copied())
+                .chain(houses.iter().flatten().copied())
                 .chain([end])
                 .collect();
             lines.windows(2).map(|pair| [pair[0], pair[1]]).collect()
         };
-        let n_parts = |length: f64| (1..).find(|n| length <= 10.0 * f64::from(*n) + 1e-9).unwrap_or(1) as usize;
+        // No side is longer than 40 m.
+        let n_parts = |length: f64| {
+            (1_usize..4)
+                .find(|&parts| length <= 10.0 * parts as f64 + 1e-9)
+                .unwrap_or(4)
+        };
         for [x0, x1] in gaps(&along_x) {
             for [y0, y1] in gaps(&along_y) {
                 let is_house = along_x.contains(&[x0, x1]) && along_y.contains(&[y0, y1]);

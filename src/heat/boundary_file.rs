@@ -245,11 +245,6 @@ impl BoundaryFile {
             let joint = if what.is_empty() { "" } else { "." };
             file.bad(start, format!("{what}{joint}{key}: {wrong}"))
         };
-        if self.surface.is_empty() {
-            let wrong =
-                "no `surface` entry; add one with name = \"*\", an `emissivity` and a condition, as `adiabatic = true`";
-            return Err(file.bad(None, wrong.to_owned()));
-        }
         let surroundings_k = match &self.surroundings {
             Some(Table(given)) => {
                 let value = &given.temperature_k;
@@ -287,6 +282,11 @@ impl BoundaryFile {
         });
         let (sun, sky) = (sun.transpose()?, sky.transpose()?);
         let nodes = nodes(&self.node, file)?;
+        if self.surface.is_empty() {
+            let wrong =
+                "no `surface` entry; add one with name = \"*\", an `emissivity` and a condition, as `adiabatic = true`";
+            return Err(file.bad(None, wrong.to_owned()));
+        }
         let collected = collected(&self.surface, file, scene)?;
         let surfaces = conditions(collected, &nodes, file, scene)?;
         both_sides(&surfaces, file, scene)?;

@@ -350,6 +350,9 @@ pub(super) struct Pieces {
     n_evaluations: usize,
 }
 
+/// Sums of errors that have shrunk to this part are summed anew: squares shrink to 1e-6, and keep ten digits.
+const SHRUNK: f64 = 1e-3;
+
 /// The errors of pieces together.
 #[derive(Clone, Copy, Debug, Default)]
 struct Errors {
@@ -363,6 +366,7 @@ impl Errors {
         self.squares += error * error;
     }
 
+    /// Takes an error out. Rounding is that of the largest sums that there have been: [`SHRUNK`] tells when to sum anew.
     fn remove(&mut self, error: f64) {
         self.sum -= error;
         self.squares -= error * error;
@@ -432,7 +436,17 @@ impl Pieces {
         let n_before = self.n_evaluations;
         // Below the errors that no look takes away, nothing is gained by more.
         let least = 0.1 * self.exchange_area(self.integral, 0.0).error;
-        while self.error() > goal && self.errors.together() > least && self.n_evaluations < budget {
+        let mut summed = self.errors.sum;
+        while self.n_evaluations < budget {
+            let is_open = |pieces: &Self| pieces.error() > goal && pieces.errors.together() > least;
+            let has_shrunk = self.errors.sum.is_nan() || self.errors.sum < SHRUNK * summed;
+            if has_shrunk || !is_open(self) {
+                self.errors = self.queue.iter().map(|piece| piece.error).collect();
+                summed = self.errors.sum;
+                if !is_open(self) {
+                    break;
+                }
+            }
             let Some(worst) = self.queue.pop() else {
                 break;
             };

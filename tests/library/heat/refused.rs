@@ -153,10 +153,8 @@ fn mistakes_are_told_with_their_line() {
             .to_string()
             .contains("has another condition")
     );
-    let message = boundary("[surroundings]\ntemperature_k = 3\n", &room)
-        .unwrap_err()
-        .to_string();
-    assert!(message.contains("no `surface` entry; add one"), "{message}");
+    let nothing = boundary("[surroundings]\ntemperature_k = 3\n", &room).unwrap_err();
+    assert!(nothing.to_string().contains("no `surface` entry; add one"), "{nothing}");
 }
 
 /// Entries of a program have no lines: what is wrong in one, or between them, names the entry.
