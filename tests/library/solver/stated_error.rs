@@ -87,7 +87,7 @@ fn the_error_of_exact_is_below_what_is_stated() {
             n_known += usize::from(off > 1e-9);
         }
         // There is something to state; and of B around 0.3 W·m⁻² no more than a few tolerances.
-        assert!(n_known > truth.len() / 2, "{n_known}");
+        assert!(n_known > truth.len() / 3, "{n_known}");
         assert!(stated.iter().all(|e| *e < 10.0 * tolerance), "{tolerance}");
     }
 }
