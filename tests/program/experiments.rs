@@ -381,9 +381,10 @@ fn pictures_have_the_noise_that_was_asked_for() {
     assert_eq!(files(&directory.path().join("out")).len(), 14);
     let page = std::fs::read_to_string(directory.path().join("out/index.html")).unwrap();
     assert_eq!(page.matches("<figure>").count(), 9);
+    assert_eq!(page.matches("\" src=\"data:image/png;base64,").count(), 8);
     for name in ["flat-direct-exact.png", "direct-exact-final-gather-noise-0.02.png"] {
         assert!(
-            page.contains(&format!("<img alt=\"{name}\" src=\"data:image/png;base64,")),
+            page.contains(&format!(" is the image in <code>{name}</code>.")),
             "{name}"
         );
     }
