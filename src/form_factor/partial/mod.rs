@@ -311,7 +311,7 @@ const PAST_BODIES: usize = 200;
 /// The least part of the error allowed that is stated there.
 const PAST_BODIES_SHARE: f64 = 0.02;
 
-/// What of the error allowed all cells together may state at the first look: nine pairs in ten then state less than 30 times their true errors, where these are a hundredth of the tolerance or more.
+/// The part of the error allowed that all cells together may state at the first look: nine pairs in ten then state less than 30 times their true errors, where these are a hundredth of the tolerance or more.
 const FIRST_SHARE: f64 = 0.3;
 
 /// The fraction of the unoccluded exchange area that a shadow between the seven sample points can hide.
