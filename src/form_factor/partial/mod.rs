@@ -94,7 +94,7 @@ pub struct Partial {
 /// Where the tolerance is above all of the exchange area without occluders, and these are sides of one convex body, each cell is looked at from 3 or 4 points inside,
 /// and at least a tenth of the tolerance is stated as error: the true one is far smaller, as such a view is analytic in a cell.
 /// Where the tolerance is above a hundredth of the exchange area without occluders, cells are first looked at from 7 or 9 points on their border and in the middle, with which most are
-/// done; what three edges of different occluders open between these points is not seen there, and at least a quarter of the tolerance, by the area of the cells that something is hidden from, is then stated as error.
+/// done; what three edges of different occluders open between these points is not seen there, and at least 0.15 of the tolerance, by the area of the cells that something is hidden from, is then stated as error.
 /// Cells from which several bodies hide something are looked at from 13 or 25 points a triangle in any case.
 /// A closed convex solid hides from a point the region behind its silhouette, one convex polygon, however many sides there are. Of a solid with seven sides or more in the way, the discontinuity lines are left out at first: such a view is
 /// smooth but for small bends, and plain subdivision finds these. Cells that see nothing of the solid are told by a plane between; others in which all points agree state what may lie between the points. Where 200 evaluations for each side do not reach the goal, the lines are looked for after all.
