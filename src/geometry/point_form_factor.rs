@@ -122,19 +122,30 @@ impl<'a> Seen<'a> {
 }
 
 /// Returns (a × b) θ / |a × b| for one edge: its share of −2π times the irradiance vector, seen from the origin.
+#[inline]
 pub(crate) fn near_term(a: DVec3, b: DVec3) -> DVec3 {
     let cross = a.cross(b - a);
     let (sine_squared, cosine) = (cross.length_squared(), a.dot(b));
-    let ratio = if cosine > 0.0 && sine_squared <= 0.09 * cosine * cosine {
+    let squared = cosine * cosine;
+    let ratio = if cosine > 0.0 && sine_squared <= 0.09 * squared {
         // θ / sin θ with tan θ = x.
-        angle_over_tangent(sine_squared / (cosine * cosine)) / cosine
-    } else if sine_squared > 0.0 {
+        angle_over_tangent(sine_squared / squared) / cosine
+    } else {
+        angle_over_sine(sine_squared, cosine)
+    };
+    cross * ratio
+}
+
+/// Returns θ / sin θ by the length of the product; 0 where the point is on the edge.
+#[cold]
+#[inline(never)]
+fn angle_over_sine(sine_squared: f64, cosine: f64) -> f64 {
+    if sine_squared > 0.0 {
         let sine = sine_squared.sqrt();
         sine.atan2(cosine) / sine
     } else {
-        0.0 // the point is on the edge
-    };
-    cross * ratio
+        0.0
+    }
 }
 
 /// Returns arctan(x)/x for x² up to 0.09: the Taylor series, whose first term left out is below 7e-18.

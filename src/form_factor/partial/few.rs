@@ -70,7 +70,7 @@ mod tests {
     }
 
     fn by_triangle(corners: [DVec2; 3], f: impl Fn(DVec2) -> f64) -> f64 {
-        super::super::rule::integrate(corners, 0.0, |p| [f(p), 0.0]).integral[0]
+        super::super::rule::integrate(corners, 0.0, true, |p| [f(p), 0.0]).integral[0]
     }
 
     const TRIANGLE: Shape = Shape::Triangle([DVec2::new(-1.0, 0.5), DVec2::new(2.0, 0.0), DVec2::new(0.5, 3.0)]);

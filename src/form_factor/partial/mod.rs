@@ -16,6 +16,7 @@ mod events;
 mod few;
 mod flat;
 mod free_point;
+mod gauss;
 mod layers;
 mod pieces;
 mod plates;
@@ -466,10 +467,8 @@ impl<'a> View<'a> {
         let whole = self.whole.area;
         let is_whole = cells.are_whole() && is_listed && !past_bodies;
         let is_loose = is_whole && goal >= LOOSE * whole;
-        let is_convex = is_loose && self.occluders_are_convex();
-        let is_looser = is_convex && goal >= whole;
-        // Three edges of different bodies may open something between the points.
-        let may_open = is_loose && !is_convex;
+        let is_one_body = self.occluders_are_convex();
+        let is_looser = is_loose && is_one_body && goal >= whole;
         let mut unlisted = if occluders.is_empty() {
             0.0
         } else {
@@ -486,8 +485,9 @@ impl<'a> View<'a> {
                 .collect();
         }
         sight.is_whole = is_whole;
+        sight.is_one_body = is_one_body;
         sight.is_loose = is_loose;
-        sight.may_open = may_open;
+        let may_open = sight.may_open();
         if may_open {
             sight.find_bodies();
         }
@@ -500,6 +500,10 @@ impl<'a> View<'a> {
                     looks.push(sight.with_least_error(look, FEW_SHARE * allowed));
                     continue;
                 }
+            }
+            if sight.is_analytic(shape) {
+                looks.push(sight.look_at_analytic(shape, enough));
+                continue;
             }
             if is_loose {
                 let look = sight.look(shape, |f| match shape {

@@ -12,6 +12,7 @@ use glam::{DVec2, DVec3};
 use super::bodies::Extent;
 use super::cells::Shape;
 use super::flat::Flat;
+use super::gauss;
 use super::layers::LowEdges;
 use super::receiver::Receiver;
 use super::rule::{self, Estimate, Parts};
@@ -55,14 +56,16 @@ pub(super) struct Sight {
     target_sides: Vec<(DVec3, f64)>,
     shadows: Shadows,
     low_edges: LowEdges,
+    /// Boxes around the occluders, seen from the origin of the receiver's frame.
+    boxes: Vec<(DVec3, DVec3)>,
     /// The bodies whose discontinuity lines were not looked for.
     pub(super) unlisted: Vec<Extent>,
     /// True if no discontinuity line crosses a cell: what a point of it does not hide, none does.
     pub(super) is_whole: bool,
+    /// True if all occluders are sides of one convex body.
+    pub(super) is_one_body: bool,
     /// True if hidden parts are looked at in cells near the target alone: elsewhere F₀ has no peak, and where the tolerance is loose what is visible is enough.
     pub(super) is_loose: bool,
-    /// True if three edges of different polygons may open or close something between the points of a cell.
-    pub(super) may_open: bool,
 }
 
 impl Sight {
@@ -91,14 +94,26 @@ impl Sight {
             target_plane: (normal, normal.dot(moved[0])),
             target_sides: sides.collect(),
             target: moved,
+            boxes: occluders
+                .iter()
+                .map(|occluder| {
+                    let (low, high) = super::bounds(&occluder.corners);
+                    (receiver.seen_from_origin(low), receiver.seen_from_origin(high))
+                })
+                .collect(),
             receiver,
             shadows,
             low_edges,
             unlisted: Vec::new(),
             is_whole: false,
+            is_one_body: false,
             is_loose: false,
-            may_open: false,
         }
+    }
+
+    /// Returns whether three edges of different polygons may open or close something between the points of a cell, as the tolerance is loose and these are few.
+    pub(super) fn may_open(&self) -> bool {
+        self.is_loose && !self.is_one_body
     }
 
     pub(super) fn find_bodies(&mut self) {
@@ -157,7 +172,7 @@ impl Sight {
                 }
             }
         }
-        let has_curves = self.may_open && is_any_visible && self.shadows.several_hide();
+        let has_curves = self.may_open() && is_any_visible && self.shadows.several_hide();
         if !self.low_edges.is_empty() {
             let low_edges = std::mem::take(&mut self.low_edges);
             for corners in shape.triangles() {
@@ -205,10 +220,27 @@ impl Sight {
 
     pub(super) fn look_at_triangle(&mut self, corners: [DVec2; 3], enough: f64) -> Look {
         let shape = Shape::Triangle(corners);
-        let look = self.look(shape, |f| rule::integrate(corners, enough, f));
+        if self.is_analytic(shape) {
+            return self.look_at_analytic(shape, enough);
+        }
+        let look = self.look(shape, |f| rule::integrate(corners, enough, true, f));
+        self.with_some_error(look, enough)
+    }
+
+    /// Looks at a cell in which the view is [analytic](Self::is_analytic).
+    pub(super) fn look_at_analytic(&mut self, shape: Shape, enough: f64) -> Look {
+        let look = self.look(shape, |f| match shape {
+            Shape::Triangle(corners) => rule::integrate(corners, enough, false, f),
+            Shape::Quad(corners) => gauss::integrate(corners, enough * shape.area(), f),
+        });
+        self.with_some_error(look, enough)
+    }
+
+    fn with_some_error(&self, look: Look, enough: f64) -> Look {
         if self.is_loose {
-            let share = if self.may_open { UNSEEN_SHARE } else { MIN_SHARE };
-            self.with_least_error(look, share * enough * shape.area())
+            let share = if self.may_open() { UNSEEN_SHARE } else { MIN_SHARE };
+            let least = share * enough * look.shape.area();
+            self.with_least_error(look, least)
         } else {
             look
         }
@@ -218,7 +250,7 @@ impl Sight {
     pub(super) fn with_least_error(&self, mut look: Look, least: f64) -> Look {
         let Estimate { integral, error, .. } = &mut look.estimate;
         for part in [VISIBLE, HIDDEN] {
-            if integral[part] > 0.0 || (part == VISIBLE && self.may_open) {
+            if integral[part] > 0.0 || (part == VISIBLE && self.may_open()) {
                 error[part] = error[part].max(least);
             }
         }
@@ -237,10 +269,25 @@ impl Sight {
     }
 
     fn is_near(&self, shape: Shape) -> bool {
-        let corners = shape.corners();
-        let middle = corners.iter().sum::<DVec2>() / corners.len() as f64;
-        let radius = corners.iter().map(|v| v.distance(middle)).fold(0.0, f64::max);
+        let (middle, radius) = circle(shape);
         self.distance(middle) < NEAR * radius
+    }
+
+    /// Returns whether what is visible from a cell is an analytic function of the point, and its singularities are not near.
+    ///
+    /// Views change on discontinuity lines, and on curves where the edges of three convex bodies cross, the target among them. Beside these lines the view is made of
+    /// the same edges everywhere, and is singular on these alone.
+    pub(super) fn is_analytic(&self, shape: Shape) -> bool {
+        if !self.is_whole || !self.is_one_body {
+            return false;
+        }
+        let (middle, radius) = circle(shape);
+        let reach = NEAR * radius;
+        let place = self.receiver.offset(middle);
+        let is_far = |&(low, high): &(DVec3, DVec3)| {
+            (low - place).max(place - high).max(DVec3::ZERO).length_squared() > reach * reach
+        };
+        self.boxes.iter().all(is_far) && self.distance(middle) > reach
     }
 
     /// Returns the exchange area of a cell without occluders, to within `error` or rounding.
@@ -293,6 +340,14 @@ impl Sight {
         }
         Piece { shape, integral, error }
     }
+}
+
+/// Returns the middle of a shape's corners, and how far the farthest is from there.
+fn circle(shape: Shape) -> (DVec2, f64) {
+    let corners = shape.corners();
+    let middle = corners.iter().sum::<DVec2>() / corners.len() as f64;
+    let radius = corners.iter().map(|v| v.distance(middle)).fold(0.0, f64::max);
+    (middle, radius)
 }
 
 /// A part of the receiver with its integral.

@@ -39,6 +39,15 @@ impl Estimate {
         }
     }
 
+    /// Returns the integrals over an area of values that are by area.
+    fn times(self, area: f64) -> Self {
+        Self {
+            integral: self.integral.map(|x| area * x),
+            error: self.error.map(|x| area * x),
+            ..self
+        }
+    }
+
     /// Counts the points on the border, and what they show of a part that is 0 on all others.
     fn with_border(mut self, border: &[Parts; N_BORDER], area: f64) -> Self {
         self.n_evaluations += N_BORDER;
@@ -305,8 +314,13 @@ impl<const N: usize> Nodes<N> {
 /// Seven of the points are Radon's rule of degree 5, looked at first. Its error is taken as area · (e₂ + e₃), the parts that it integrates exactly where the function is
 /// smooth: seven points see too little of the spectrum to tell smooth functions from others.
 ///
-/// Both parts of f are integrated; the seven points are enough where they are for one of the two.
-pub(super) fn integrate(corners: [DVec2; 3], enough: f64, mut f: impl FnMut(DVec2) -> Parts) -> Estimate {
+/// Both parts of f are integrated; the seven points are enough where they are for one of the two. Without `may_bend` f is analytic in the triangle and for its size around: it has no kink, and is not looked at near the border.
+pub(super) fn integrate(
+    corners: [DVec2; 3],
+    enough: f64,
+    may_bend: bool,
+    mut f: impl FnMut(DVec2) -> Parts,
+) -> Estimate {
     let rule = &*RULE;
     let (a, e, g) = (corners[0], corners[1] - corners[0], corners[2] - corners[0]);
     let area = 0.5 * e.perp_dot(g).abs();
@@ -314,10 +328,13 @@ pub(super) fn integrate(corners: [DVec2; 3], enough: f64, mut f: impl FnMut(DVec
     let first: [Parts; N_FIRST] = std::array::from_fn(|k| at(rule.all.points[k]));
     let by_points = Estimate::of_parts(&first, |_, values| {
         let (mean, [_, second, third]) = rule.first.analyse(values);
-        [mean, second + third]
+        [mean, second + third + if may_bend { 0.0 } else { rounding(values) }]
     });
     let mut border = None;
     if by_points.least_error() <= enough {
+        if !may_bend {
+            return by_points.times(area);
+        }
         let border = *border.insert(BORDER.map(&mut at));
         let estimate = Estimate::of_parts(&first, |part, values| {
             let error = by_points.error[part];
@@ -334,8 +351,8 @@ pub(super) fn integrate(corners: [DVec2; 3], enough: f64, mut f: impl FnMut(DVec
     }
     let values: [Parts; N_POINTS] =
         std::array::from_fn(|k| if k < N_FIRST { first[k] } else { at(rule.all.points[k]) });
-    let border = border.unwrap_or_else(|| BORDER.map(&mut at));
-    Estimate::of_parts(&values, |part, values| {
+    let border = border.or_else(|| may_bend.then(|| BORDER.map(&mut at)));
+    let estimate = Estimate::of_parts(&values, |part, values| {
         let (mean, [third, fourth, beyond]) = rule.all.analyse(values);
         let ratio = (fourth / third).max(beyond / fourth);
         let gain = if ratio < 0.25 {
@@ -343,13 +360,18 @@ pub(super) fn integrate(corners: [DVec2; 3], enough: f64, mut f: impl FnMut(DVec
         } else {
             1.0
         };
-        let unseen = rule.all.miss(values, &border.map(|parts| parts[part])) - SMOOTH_ON_BORDER * beyond;
+        let unseen = border.map_or(0.0, |border| {
+            rule.all.miss(values, &border.map(|parts| parts[part])) - SMOOTH_ON_BORDER * beyond
+        });
         [
             area * mean,
             area * (beyond * gain + UNSEEN_STRIP * unseen.max(0.0) + rounding(values)),
         ]
-    })
-    .with_border(&border, area)
+    });
+    match border {
+        Some(border) => estimate.with_border(&border, area),
+        None => estimate,
+    }
 }
 
 /// Integrates f over a triangle by a rule of degree 3 whose points lie on the border and at the centroid; for functions whose kinks are sides of the triangle.
@@ -367,7 +389,7 @@ pub(super) fn integrate_loosely(corners: [DVec2; 3], mut f: impl FnMut(DVec2) ->
 }
 
 /// Returns 4 ulps of the largest value.
-fn rounding(values: &[f64]) -> f64 {
+pub(super) fn rounding(values: &[f64]) -> f64 {
     4.0 * f64::EPSILON * values.iter().fold(0.0_f64, |m, v| m.max(v.abs()))
 }
 
@@ -394,7 +416,7 @@ mod tests {
     }
 
     fn integrate(corners: [DVec2; 3], enough: f64, f: impl Fn(DVec2) -> f64) -> One {
-        One::of(super::integrate(corners, enough, |p| [f(p); 2]))
+        One::of(super::integrate(corners, enough, true, |p| [f(p); 2]))
     }
 
     fn integrate_loosely(corners: [DVec2; 3], f: impl Fn(DVec2) -> f64) -> One {

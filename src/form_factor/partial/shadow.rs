@@ -267,7 +267,7 @@ impl Shadows {
             if is_small {
                 contour_vector(corners, |a, b| far_term(centre, a, b))
             } else {
-                contour_vector(corners, |a, b| near_term(centre + a, centre + b))
+                near_contour(centre, corners)
             }
         };
         let (mut hidden, mut is_cut) = (DVec3::ZERO, false);
@@ -431,6 +431,18 @@ fn split(inside: &mut Vec<DVec3>, half_space: &HalfSpace, outside: &mut Vec<DVec
         (a, value_a) = (b, value_b);
     }
     inside.drain(..n);
+}
+
+/// Returns the sum of the terms of all edges of a polygon that is not small.
+fn near_contour(centre: DVec3, corners: &[DVec3]) -> DVec3 {
+    let mut a = centre + corners[corners.len() - 1];
+    let mut sum = DVec3::ZERO;
+    for &corner in corners {
+        let b = centre + corner;
+        sum += near_term(a, b);
+        a = b;
+    }
+    sum
 }
 
 /// Returns the sum of the terms of all edges of a polygon.
