@@ -43,7 +43,7 @@ use cells::{Cells, Shape};
 use events::Outline;
 use flat::Flat;
 pub(crate) use free_point::{Place, PointViews};
-use pieces::{Pieces, Sight};
+use pieces::{Pieces, Sight, Views};
 pub use point::VisibleFactor;
 pub(super) use rays::by_rays;
 use receiver::Receiver;
@@ -468,7 +468,7 @@ impl<'a> View<'a> {
         let is_whole = cells.are_whole() && is_listed && !past_bodies;
         let is_loose = is_whole && goal >= LOOSE * whole;
         let is_one_body = self.occluders_are_convex();
-        let is_looser = is_loose && is_one_body && goal >= whole;
+        let is_looser = is_loose && goal >= whole;
         let mut unlisted = if occluders.is_empty() {
             0.0
         } else {
@@ -487,32 +487,31 @@ impl<'a> View<'a> {
         sight.is_whole = is_whole;
         sight.is_one_body = is_one_body;
         sight.is_loose = is_loose;
-        let may_open = sight.may_open();
-        if may_open {
+        if is_whole && !is_one_body {
             sight.find_bodies();
         }
         let mut looks = Vec::new();
         for shape in cells.shapes() {
             let allowed = enough * shape.area();
-            if is_looser {
-                let look = sight.look(shape, |f| few::integrate(shape, f));
+            let site = sight.site(shape);
+            if is_looser && site.views != Views::Any {
+                let look = sight.look(site, |f| few::integrate(shape, f));
                 if look.estimate.least_error() <= allowed {
-                    looks.push(sight.with_least_error(look, FEW_SHARE * allowed));
+                    looks.push(look.with_least_error(FEW_SHARE * allowed));
                     continue;
                 }
             }
-            if sight.is_analytic(shape) {
-                looks.push(sight.look_at_analytic(shape, enough));
+            if site.views == Views::Analytic {
+                looks.push(sight.look_at_analytic(site, enough));
                 continue;
             }
             if is_loose {
-                let look = sight.look(shape, |f| match shape {
+                let look = sight.look(site, |f| match shape {
                     Shape::Triangle(corners) => rule::integrate_loosely(corners, f),
                     Shape::Quad(corners) => quad::integrate(corners, f),
                 });
                 if look.estimate.least_error() <= allowed && !look.has_curves {
-                    let least = if may_open { UNSEEN_SHARE } else { MIN_SHARE } * allowed;
-                    looks.push(sight.with_least_error(look, least));
+                    looks.push(look.with_least_share(enough));
                     continue;
                 }
             }

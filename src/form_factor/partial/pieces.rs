@@ -111,13 +111,30 @@ impl Sight {
         }
     }
 
-    /// Returns whether three edges of different polygons may open or close something between the points of a cell, as the tolerance is loose and these are few.
-    pub(super) fn may_open(&self) -> bool {
-        self.is_loose && !self.is_one_body
-    }
-
     pub(super) fn find_bodies(&mut self) {
         self.shadows.find_bodies();
+    }
+
+    /// Returns a cell with what is known of the views from it.
+    ///
+    /// Views change on discontinuity lines, and on curves where the edges of three convex bodies cross, the target among them: beside these lines, each body alone hides something from all points or from none.
+    pub(super) fn site(&mut self, shape: Shape) -> Site {
+        let (middle, radius) = circle(shape);
+        let reach = NEAR * radius;
+        let is_of_one_body =
+            self.is_whole && (self.is_one_body || !self.shadows.several_may_hide(self.receiver.to_world(middle)));
+        let is_near = self.distance(middle) < reach;
+        let views = match is_of_one_body {
+            true if !is_near && self.is_far_from_occluders(middle, reach) => Views::Analytic,
+            true => Views::OfOneBody,
+            false => Views::Any,
+        };
+        Site {
+            shape,
+            is_near,
+            views,
+            may_open: self.is_loose && !is_of_one_body,
+        }
     }
 
     /// Returns the form factors to the visible and to the hidden part of the target, and keeps their largest shares of both in `shares`.
@@ -134,6 +151,14 @@ impl Sight {
             *shares = [0, 1].map(|part| shares[part].max(parts[part] / whole));
         }
         parts
+    }
+
+    fn is_far_from_occluders(&self, point: DVec2, reach: f64) -> bool {
+        let place = self.receiver.offset(point);
+        let is_far = |&(low, high): &(DVec3, DVec3)| {
+            (low - place).max(place - high).max(DVec3::ZERO).length_squared() > reach * reach
+        };
+        self.boxes.iter().all(is_far)
     }
 
     /// Returns the error that discontinuity lines leave which are missed by `margin`: its square, unless the view changes within as little.
@@ -153,8 +178,9 @@ impl Sight {
     }
 
     /// Looks at a cell from the points of a rule.
-    pub(super) fn look(&mut self, shape: Shape, rule: impl FnOnce(&mut dyn FnMut(DVec2) -> Parts) -> Estimate) -> Look {
-        let mut shares = self.is_near(shape).then_some([0.0; 2]);
+    pub(super) fn look(&mut self, site: Site, rule: impl FnOnce(&mut dyn FnMut(DVec2) -> Parts) -> Estimate) -> Look {
+        let shape = site.shape;
+        let mut shares = site.is_near.then_some([0.0; 2]);
         self.shadows.forget();
         let mut is_any_visible = false;
         let mut largest = 0.0_f64;
@@ -172,7 +198,7 @@ impl Sight {
                 }
             }
         }
-        let has_curves = self.may_open() && is_any_visible && self.shadows.several_hide();
+        let has_curves = site.may_open && is_any_visible && self.shadows.several_hide();
         if !self.low_edges.is_empty() {
             let low_edges = std::mem::take(&mut self.low_edges);
             for corners in shape.triangles() {
@@ -183,7 +209,7 @@ impl Sight {
             self.low_edges = low_edges;
         }
         Look {
-            shape,
+            site,
             estimate,
             shares,
             has_curves,
@@ -219,42 +245,29 @@ impl Sight {
     }
 
     pub(super) fn look_at_triangle(&mut self, corners: [DVec2; 3], enough: f64) -> Look {
-        let shape = Shape::Triangle(corners);
-        if self.is_analytic(shape) {
-            return self.look_at_analytic(shape, enough);
+        let site = self.site(Shape::Triangle(corners));
+        if site.views == Views::Analytic {
+            return self.look_at_analytic(site, enough);
         }
-        let look = self.look(shape, |f| rule::integrate(corners, enough, true, f));
+        let look = self.look(site, |f| rule::integrate(corners, enough, true, f));
         self.with_some_error(look, enough)
     }
 
-    /// Looks at a cell in which the view is [analytic](Self::is_analytic).
-    pub(super) fn look_at_analytic(&mut self, shape: Shape, enough: f64) -> Look {
-        let look = self.look(shape, |f| match shape {
+    /// Looks at a cell in which the view is analytic.
+    pub(super) fn look_at_analytic(&mut self, site: Site, enough: f64) -> Look {
+        let look = self.look(site, |f| match site.shape {
             Shape::Triangle(corners) => rule::integrate(corners, enough, false, f),
-            Shape::Quad(corners) => gauss::integrate(corners, enough * shape.area(), f),
+            Shape::Quad(corners) => gauss::integrate(corners, enough * site.shape.area(), f),
         });
         self.with_some_error(look, enough)
     }
 
     fn with_some_error(&self, look: Look, enough: f64) -> Look {
         if self.is_loose {
-            let share = if self.may_open() { UNSEEN_SHARE } else { MIN_SHARE };
-            let least = share * enough * look.shape.area();
-            self.with_least_error(look, least)
+            look.with_least_share(enough)
         } else {
             look
         }
-    }
-
-    /// States at least this error of a part, but for one of which there is nothing: something of it needs a discontinuity line, or edges that open it between points.
-    pub(super) fn with_least_error(&self, mut look: Look, least: f64) -> Look {
-        let Estimate { integral, error, .. } = &mut look.estimate;
-        for part in [VISIBLE, HIDDEN] {
-            if integral[part] > 0.0 || (part == VISIBLE && self.may_open()) {
-                error[part] = error[part].max(least);
-            }
-        }
-        look
     }
 
     /// Returns a lower bound of the distance of the target from a point of the receiver.
@@ -266,28 +279,6 @@ impl Sight {
             .iter()
             .map(|(inward, level)| level - inward.dot(point));
         outside.fold(0.0, f64::max).hypot(normal.dot(point) - level)
-    }
-
-    fn is_near(&self, shape: Shape) -> bool {
-        let (middle, radius) = circle(shape);
-        self.distance(middle) < NEAR * radius
-    }
-
-    /// Returns whether what is visible from a cell is an analytic function of the point, and its singularities are not near.
-    ///
-    /// Views change on discontinuity lines, and on curves where the edges of three convex bodies cross, the target among them. Beside these lines the view is made of
-    /// the same edges everywhere, and is singular on these alone.
-    pub(super) fn is_analytic(&self, shape: Shape) -> bool {
-        if !self.is_whole || !self.is_one_body {
-            return false;
-        }
-        let (middle, radius) = circle(shape);
-        let reach = NEAR * radius;
-        let place = self.receiver.offset(middle);
-        let is_far = |&(low, high): &(DVec3, DVec3)| {
-            (low - place).max(place - high).max(DVec3::ZERO).length_squared() > reach * reach
-        };
-        self.boxes.iter().all(is_far) && self.distance(middle) > reach
     }
 
     /// Returns the exchange area of a cell without occluders, to within `error` or rounding.
@@ -307,7 +298,7 @@ impl Sight {
     /// of this one, as far as it has a share of F₀.
     fn settle(&self, look: &Look, base: usize, enough: f64) -> Piece {
         let &Look {
-            shape,
+            site: Site { shape, .. },
             ref estimate,
             shares,
             ..
@@ -378,14 +369,56 @@ impl Ord for Piece {
     }
 }
 
+/// The functions that the form factors from the points of a cell are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Views {
+    /// One body at most hides anything, and none of the edges that the view is made of is near: these are where it is singular.
+    Analytic,
+    /// One body at most hides anything, so that no edges cross.
+    OfOneBody,
+    /// Several bodies may hide something, or it is not known that no discontinuity line crosses the cell.
+    Any,
+}
+
+/// A cell and what is known of the views from it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Site {
+    pub(super) shape: Shape,
+    /// True if the target is near, so that F₀ may have a peak between the points of a rule.
+    is_near: bool,
+    pub(super) views: Views,
+    /// True if three edges of different polygons may open or close something between the points, as the tolerance is loose and these are few.
+    may_open: bool,
+}
+
 /// The visibility of a cell at the points of a rule.
 pub(super) struct Look {
-    shape: Shape,
+    site: Site,
     pub(super) estimate: Estimate,
     /// In a near cell, the largest shares of F₀ that the parts have on these points.
     shares: Option<Parts>,
     /// Whether the points see a part of the target, and several bodies before the rest of it, whose edges may cross in views.
     pub(super) has_curves: bool,
+}
+
+impl Look {
+    /// States at least the share of `enough`, an error by area, that few points leave where the tolerance is loose.
+    pub(super) fn with_least_share(self, enough: f64) -> Self {
+        let share = if self.site.may_open { UNSEEN_SHARE } else { MIN_SHARE };
+        let least = share * enough * self.site.shape.area();
+        self.with_least_error(least)
+    }
+
+    /// States at least this error of a part, but for one of which there is nothing: something of it needs a discontinuity line, or edges that open it between points.
+    pub(super) fn with_least_error(mut self, least: f64) -> Self {
+        let Estimate { integral, error, .. } = &mut self.estimate;
+        for part in [VISIBLE, HIDDEN] {
+            if integral[part] > 0.0 || (part == VISIBLE && self.site.may_open) {
+                error[part] = error[part].max(least);
+            }
+        }
+        self
+    }
 }
 
 /// A receiver in pieces, all of which have been looked at.
@@ -454,7 +487,7 @@ impl Pieces {
         };
         let n_evaluations = looks.iter().map(|look| look.estimate.n_evaluations).sum();
         let settled = looks.into_iter().map(|look| {
-            let allowed = enough * look.shape.area();
+            let allowed = enough * look.site.shape.area();
             sight.settle(&look, base, allowed)
         });
         let queue: BinaryHeap<Piece> = settled.collect();
@@ -508,7 +541,7 @@ impl Pieces {
             let mut parts = worst.shape.halves().map(|corners| {
                 let look = self.sight.look_at_triangle(corners, self.enough);
                 self.n_evaluations += look.estimate.n_evaluations;
-                let allowed = self.enough * look.shape.area();
+                let allowed = self.enough * look.site.shape.area();
                 self.sight.settle(&look, self.base, allowed)
             });
             // Where the estimate has just been seen to fail, its successors are not trusted either.

@@ -251,7 +251,24 @@ impl Shadows {
 
     /// Returns whether several bodies have hidden something since [`forget`](Self::forget).
     pub(super) fn several_hide(&self) -> bool {
-        self.hiding.count_ones() > 1
+        are_several(self.hiding)
+    }
+
+    /// Returns whether several bodies may each hide something of the target from a point, whatever the others hide.
+    pub(super) fn several_may_hide(&mut self, point: DVec3) -> bool {
+        let mut found = 0;
+        for k in 0..self.bodies.len() + self.casters.len() {
+            let Some(body) = self.prepare(k, point) else {
+                continue;
+            };
+            if found & body == 0 && !is_outside(&self.target, &self.half_spaces) {
+                found |= body;
+            }
+            if are_several(found) {
+                return true;
+            }
+        }
+        false
     }
 
     pub(super) fn forget(&mut self) {
@@ -271,18 +288,10 @@ impl Shadows {
             }
         };
         let (mut hidden, mut is_cut) = (DVec3::ZERO, false);
-        let n_bodies = self.bodies.len();
-        for k in 0..n_bodies + self.casters.len() {
-            let (hides, body) = match self.bodies.get_mut(k) {
-                Some((silhouette, body)) => (silhouette.half_spaces(point, &mut self.half_spaces), *body),
-                None => (
-                    self.prepare_half_spaces(k - n_bodies, point),
-                    self.casters[k - n_bodies].body,
-                ),
-            };
-            if !hides {
+        for k in 0..self.bodies.len() + self.casters.len() {
+            let Some(body) = self.prepare(k, point) else {
                 continue;
-            }
+            };
             self.next.clear();
             for fragment in self.fragments.iter() {
                 if subtract(
@@ -322,6 +331,19 @@ impl Shadows {
         }
     }
 
+    /// Sets the half-spaces whose intersection is the space that body or caster `k`, bodies first, hides from the point, and returns the bit of the body; `None` if there is none.
+    fn prepare(&mut self, k: usize, point: DVec3) -> Option<u64> {
+        let n_bodies = self.bodies.len();
+        let (hides, body) = match self.bodies.get_mut(k) {
+            Some((silhouette, body)) => (silhouette.half_spaces(point, &mut self.half_spaces), *body),
+            None => (
+                self.prepare_half_spaces(k - n_bodies, point),
+                self.casters[k - n_bodies].body,
+            ),
+        };
+        hides.then_some(body)
+    }
+
     /// Sets the half-spaces whose intersection is the space that caster `k` hides from the point; false if there is none.
     fn prepare_half_spaces(&mut self, k: usize, point: DVec3) -> bool {
         let caster = &self.casters[k];
@@ -359,6 +381,18 @@ impl Shadows {
         }
         true
     }
+}
+
+/// Returns whether these are bits of several bodies; the last stands for all that have no bit of their own.
+fn are_several(bodies: u64) -> bool {
+    bodies.count_ones() > 1 || bodies & (1 << 63) != 0
+}
+
+/// Returns whether a convex polygon lies outside of one of some half-spaces.
+fn is_outside(polygon: &[DVec3], half_spaces: &[HalfSpace]) -> bool {
+    half_spaces
+        .iter()
+        .any(|half_space| polygon.iter().all(|&r| half_space.value(r) <= 0.0))
 }
 
 /// Adds to `out` the convex pieces of a convex fragment that lie outside of at least one half-space; returns false if that is all of it, and else leaves the other part in `rest`.
