@@ -92,8 +92,9 @@ pub struct Partial {
 /// Against runs with a far smaller tolerance it held in all of several hundred random cases with up to three intersecting boxes and plates, and in a thousand climbs towards scenes where it would not;
 /// the true error is mostly more than ten times smaller. Tolerances down to 1e-12 are reached. What is left of Q within 1e-15 of
 /// the distances involved may count as hidden, and the result is exactly 0 where nothing else is seen.
-/// Where the tolerance is above all of the exchange area without occluders, and these are sides of one convex body, each cell is looked at from 3 or 4 points inside,
-/// and at least a tenth of the tolerance is stated as error: the true one is far smaller, as such a view is analytic in a cell.
+/// Between discontinuity lines, a view past one convex body is analytic. Where its edges and the target are three radii of a cell away or more, the cell is looked at from inside alone: a triangle from 7 or 19 points, a quadrilateral from 9 or 25.
+/// Where the tolerance is above all of the exchange area without occluders, each cell from which one body at most hides anything is looked at from 3 or 4 points inside,
+/// and a fifth of what it may be off by is stated at least: the true error is far smaller.
 /// Where the tolerance is above a hundredth of the exchange area without occluders, cells are first looked at from 7 or 9 points on their border and in the middle, with which most are
 /// done; what three edges of different occluders open between these points is not seen there, and at least 0.15 of the tolerance, by the area of the cells that something is hidden from, is then stated as error.
 /// Cells from which several bodies hide something are looked at from 13 or 25 points a triangle in any case.
