@@ -11,7 +11,7 @@ use crate::program::limited;
 const DATA: &str = "tests/data/formats";
 
 /// One file of each encoding, with the name of its format.
-const FILES: [&str; 22] = [
+const FILES: [&str; 26] = [
     "triangles-trimesh-binary.stl",
     "triangles-meshio-ascii.stl",
     "quads-meshio-ascii.ply",
@@ -30,6 +30,10 @@ const FILES: [&str; 22] = [
     "quads-meshio-zlib.vtu",
     "quads-pyvista-binary.vtu",
     "quads-pyvista-binary.vtp",
+    "triangles-vtk-appended-raw.vtu",
+    "triangles-vtk-appended-base64-zlib.vtu",
+    "quads-vtk-appended-raw-zlib.vtp",
+    "quads-vtk-appended-base64.vtp",
     "triangles-trimesh.glb",
     "triangles-trimesh.gltf",
     "view3d/l-room-by-origins.vs3",
@@ -88,7 +92,7 @@ fn files_that_are_cut_anywhere_are_refused_in_one_line() {
             .collect();
         // What ends behind the last face may be whole; a text without a mark of its end may be cut in its last number.
         let first = read.first().copied().unwrap_or(bytes.len());
-        let is_text = ["ascii.stl", "vs3", "vtk", "msh", "gltf", "ply"]
+        let is_text = ["ascii.stl", "vs3", ".vtk", "msh", "gltf", "ply"]
             .iter()
             .any(|part| name.contains(part));
         // View3D's input is whole after every surface.
@@ -160,6 +164,13 @@ fn headers_that_lie_take_no_memory() {
     let read = |name: &str| original(name).0;
     let mut stl = read("triangles-trimesh-binary.stl");
     stl[80..84].copy_from_slice(&u32::MAX.to_le_bytes());
+    let half_a_gb = 500_000_000_u32.to_le_bytes();
+    let mut glb = read("triangles-trimesh.glb");
+    let chunk = glb.windows(4).position(|kind| kind == b"BIN\0").unwrap();
+    glb[chunk - 4..chunk].copy_from_slice(&half_a_gb);
+    let mut appended = read("triangles-vtk-appended-raw.vtu");
+    let first = appended.windows(5).position(|end| end == b"\n   _").unwrap() + 5;
+    appended[first..first + 4].copy_from_slice(&half_a_gb);
     let huge =
         |name: &str, from: &str, to: &str| (name.to_owned(), replaced(&read(name), from.as_bytes(), to.as_bytes()));
     let binary = |name: &str, from: &[u8], to: &[u8]| (name.to_owned(), replaced(&read(name), from, to));
@@ -204,6 +215,15 @@ fn headers_that_lie_take_no_memory() {
             "NumberOfCells=\"12\"",
             "NumberOfCells=\"18446744073709551615\"",
         ),
+        huge("quads-meshio-binary.vtk", "POINTS 16", "POINTS 22000000"),
+        huge("quads-meshio-22-binary.msh", "$Nodes\n16", "$Nodes\n18000000"),
+        huge(
+            "quads-pyvista-binary.vtu",
+            "NumberOfPoints=\"16\"",
+            "NumberOfPoints=\"42000000\"",
+        ),
+        ("triangles-trimesh.glb".to_owned(), glb),
+        ("appended.vtu".to_owned(), appended),
         huge("triangles-trimesh.gltf", "\"count\":36", "\"count\":3600000000000"),
         huge("triangles-trimesh.gltf", "\"byteLength\":", "\"byteLength\":9999999999"),
     ];
@@ -222,5 +242,25 @@ fn headers_that_lie_take_no_memory() {
             message.contains(Path::new(&name).file_name().unwrap().to_str().unwrap()),
             "{message}"
         );
+    }
+}
+
+/// A pipe can be read once, and nothing in it twice or out of order.
+#[cfg(unix)]
+#[test]
+fn a_pipe_gives_the_scene_of_the_file() {
+    let directory = folder();
+    for name in FILES {
+        let (bytes, format) = original(name);
+        let options = LoadOptions::default().format(Some(format));
+        let pipe = directory.path().join(Path::new(name).file_name().unwrap());
+        let is_made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        assert!(is_made.unwrap().success());
+        let scene = std::thread::scope(|scope| {
+            scope.spawn(|| std::fs::write(&pipe, bytes).unwrap());
+            load_with(&pipe, &options).unwrap().scene
+        });
+        let expected = load_with(Path::new(DATA).join(name), &options).unwrap().scene;
+        assert_eq!(format!("{scene:?}"), format!("{expected:?}"), "{name}");
     }
 }

@@ -15,7 +15,7 @@ mod arrays;
 mod assemble;
 mod cells;
 mod creases;
-mod feed;
+mod cursor;
 mod format;
 mod gltf;
 mod msh;
@@ -106,7 +106,8 @@ impl Counts {
 /// Accuracy: coordinates, reflectance and exitance are the nearest f64 to the text, or the numbers of a binary file. How far they may be off what was meant, by the digits of the text or the 24 bits of a binary f32,
 /// is in [`Scene::written`], and is part of the errors of form factors.
 ///
-/// Memory: binary STL and PLY are read as streams; a file of another format is in memory as a whole while it is read. No count of a file is believed beyond what its length allows.
+/// Memory: that of the scene. OBJ, View3D's input, the JSON of glTF and what a pipe brings are in memory as a whole, of XML the text of one array at a time; all else is read as a stream.
+/// No count of a file is believed beyond what its length allows.
 ///
 /// # Errors
 /// [`SceneError`], with file, line or element, and remedy: files that cannot be read, are cut short, or hold less than their header says, coordinates or indices that are none, faces with fewer than three

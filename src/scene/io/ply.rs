@@ -3,11 +3,11 @@
 use glam::DVec3;
 
 use super::cells::{Array, Values, surfaces};
-use super::feed::Feed;
+use super::cursor::Cursor;
 use super::polygons::{NONE, Polygons};
 use super::reader::{Head, Reader};
 use super::scalar::Scalar;
-use super::source::{Cursor, Source};
+use super::source::Source;
 use super::{Counts, LoadOptions};
 use crate::scene::{
     MAX_COORDINATE, MAX_CORNERS, Numbering, Origin, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind, Written,
@@ -34,7 +34,9 @@ impl Reader for Ply {
     }
 
     fn read(&self, source: &Source<'_>, options: &LoadOptions) -> Result<Polygons, SceneError> {
-        let (encoding, elements, mut input) = Input::open(source)?;
+        let mut cursor = source.cursor();
+        let (encoding, elements) = header(&mut cursor)?;
+        cursor.is_little = encoding == Encoding::LittleEndian;
         let mut content = Content {
             source,
             encoding,
@@ -52,9 +54,9 @@ impl Reader for Ply {
         };
         for element in &elements {
             match &*element.name {
-                "vertex" => content.vertices(&mut input, element)?,
-                "face" => content.faces(&mut input, element)?,
-                _ => content.skip(&mut input, element)?,
+                "vertex" => content.vertices(&mut cursor, element)?,
+                "face" => content.faces(&mut cursor, element)?,
+                _ => content.skip(&mut cursor, element)?,
             }
         }
         let Content {
@@ -97,76 +99,6 @@ impl Element {
         };
         self.properties.iter().map(of).sum::<u64>()
     }
-
-    /// Returns the bytes of the one that begins at a place of a binary file, or the least that it has by what is there; `None` if that tells nothing.
-    fn bytes(&self, mut cursor: Cursor<'_>) -> Option<usize> {
-        let start = cursor.rest().len();
-        let mut size = 0_usize;
-        for property in &self.properties {
-            let n = match property.count {
-                None => 1,
-                Some(count) => {
-                    let own = cursor.take(count.bytes(), "").ok()?;
-                    size = size.saturating_add(count.bytes());
-                    // A list of a negative length is refused when it is read.
-                    usize::try_from(count.whole(own, cursor.is_little)?).unwrap_or(0)
-                }
-            };
-            let own = n.saturating_mul(property.scalar.bytes());
-            size = size.saturating_add(own);
-            if size > start {
-                return Some(size);
-            }
-            cursor.take(own, "").ok()?;
-        }
-        Some(size)
-    }
-}
-
-/// The file behind its header: text, and what has a header longer than the start of a file, as a whole; numbers as a stream.
-enum Input<'a> {
-    Whole(Cursor<'a>),
-    Stream(Feed<'a>),
-}
-
-impl<'a> Input<'a> {
-    /// Reads the header.
-    fn open(source: &'a Source<'a>) -> Result<(Encoding, Vec<Element>, Self), SceneError> {
-        let start = source.head().bytes;
-        if source.head().contains("end_header") {
-            let mut cursor = Cursor::of_bytes(source.path, start, true);
-            let (encoding, elements) = header(&mut cursor)?;
-            if encoding != Encoding::Ascii {
-                let place = start.len() - cursor.rest().len();
-                let feed = Feed::new(source, place as u64, encoding == Encoding::LittleEndian)?;
-                return Ok((encoding, elements, Self::Stream(feed)));
-            }
-        }
-        let mut cursor = source.cursor()?;
-        let (encoding, elements) = header(&mut cursor)?;
-        cursor.is_little = encoding == Encoding::LittleEndian;
-        Ok((encoding, elements, Self::Whole(cursor)))
-    }
-
-    /// Returns how many bytes are left.
-    fn left(&self) -> u64 {
-        match self {
-            Self::Whole(cursor) => cursor.left(),
-            Self::Stream(feed) => feed.left(),
-        }
-    }
-
-    /// Reads the next element.
-    fn next<T>(
-        &mut self,
-        element: &Element,
-        read: impl FnOnce(&mut Cursor<'_>) -> Result<T, SceneError>,
-    ) -> Result<T, SceneError> {
-        match self {
-            Self::Whole(cursor) => read(cursor),
-            Self::Stream(feed) => feed.next(|cursor| element.bytes(cursor), read),
-        }
-    }
 }
 
 /// Reads the header, whose lines are text in each encoding.
@@ -175,9 +107,10 @@ fn header(cursor: &mut Cursor<'_>) -> Result<(Encoding, Vec<Element>), SceneErro
     let mut elements: Vec<Element> = Vec::new();
     cursor.next_line()?;
     loop {
-        let Some((line, text)) = cursor.next_full_line()? else {
+        let Some(line) = cursor.next_full_line()? else {
             return Err(cursor.malformed("`end_header`", "the end of the file"));
         };
+        let text = cursor.last();
         let words: Vec<&str> = text.split_whitespace().collect();
         let scalar = |name: &str| Scalar::of_ply(name).ok_or("a type of numbers such as `float`");
         let property = match words[..] {
@@ -245,8 +178,9 @@ fn value(cursor: &mut Cursor<'_>, scalar: Scalar, encoding: Encoding) -> Result<
         Scalar::F32 => cursor.binary::<f32>(WHAT)?.into(),
         Scalar::F64 => cursor.binary(WHAT)?,
         whole => {
+            let is_little = cursor.is_little;
             let own = cursor.take(whole.bytes(), WHAT)?;
-            whole.whole(own, cursor.is_little).unwrap_or(-1) as f64
+            whole.whole(own, is_little).unwrap_or(-1) as f64
         }
     })
 }
@@ -260,8 +194,8 @@ struct Content<'a> {
 }
 
 impl Content<'_> {
-    fn count(&self, input: &Input<'_>, element: &Element, what: &'static str) -> Result<usize, SceneError> {
-        let (n, room) = (element.n, input.left() / element.least_bytes(self.encoding).max(1));
+    fn count(&self, cursor: &Cursor<'_>, element: &Element, what: &'static str) -> Result<usize, SceneError> {
+        let (n, room) = (element.n, cursor.left() / element.least_bytes(self.encoding).max(1));
         match usize::try_from(n) {
             Ok(count) if n <= room => Ok(count),
             _ => Err(self.source.error(SceneErrorKind::Truncated { what, n, room })),
@@ -277,8 +211,8 @@ impl Content<'_> {
         }
     }
 
-    fn vertices(&mut self, input: &mut Input<'_>, element: &Element) -> Result<(), SceneError> {
-        let n = self.count(input, element, "vertices")?;
+    fn vertices(&mut self, cursor: &mut Cursor<'_>, element: &Element) -> Result<(), SceneError> {
+        let n = self.count(cursor, element, "vertices")?;
         for axis in ["x", "y", "z"] {
             if !element.properties.iter().any(|p| p.name == axis && p.count.is_none()) {
                 let message = format!("the vertices have no property `{axis}`; export them with x, y and z");
@@ -291,7 +225,7 @@ impl Content<'_> {
         })?;
         self.polygons.vertices.reserve(n);
         for k in 0..n {
-            let position = input.next(element, |cursor| self.position(cursor, element, k))?;
+            let position = self.position(cursor, element, k)?;
             self.polygons.vertices.push(position);
         }
         Ok(())
@@ -339,7 +273,10 @@ impl Content<'_> {
                 cursor.expect_word("a number")?;
             }
         } else {
-            cursor.take(n.saturating_mul(property.scalar.bytes()), "the elements")?;
+            cursor.skip(
+                (n as u64).saturating_mul(property.scalar.bytes() as u64),
+                "the elements",
+            )?;
         }
         Ok(())
     }
@@ -365,8 +302,8 @@ impl Content<'_> {
         counted.map_err(|error| self.source.error(error.kind))
     }
 
-    fn skip(&mut self, input: &mut Input<'_>, element: &Element) -> Result<(), SceneError> {
-        let n = self.count(input, element, "elements")?;
+    fn skip(&mut self, cursor: &mut Cursor<'_>, element: &Element) -> Result<(), SceneError> {
+        let n = self.count(cursor, element, "elements")?;
         if element.name == "tristrips" {
             let kind = SceneErrorKind::unsupported("strips of triangles are not read; export faces");
             return Err(self.source.error(kind));
@@ -375,30 +312,29 @@ impl Content<'_> {
             return Ok(());
         }
         for _ in 0..n {
-            input.next(element, |cursor| {
-                let mut properties = element.properties.iter();
-                properties.try_for_each(|property| self.skip_property(cursor, property))
-            })?;
+            for property in &element.properties {
+                self.skip_property(cursor, property)?;
+            }
         }
         if element.name == "edge" && n > 0 {
             let kind = SceneWarningKind::SkippedElements {
                 count: n,
                 what: "edges",
             };
-            let warning = SceneWarning::new(Origin::file(self.source.path), kind);
+            let warning = SceneWarning::new(Origin::file(&self.source.path), kind);
             self.polygons.warnings.push(warning);
         }
         Ok(())
     }
 
-    fn faces(&mut self, input: &mut Input<'_>, element: &Element) -> Result<(), SceneError> {
-        let n = self.count(input, element, "faces")?;
+    fn faces(&mut self, cursor: &mut Cursor<'_>, element: &Element) -> Result<(), SceneError> {
+        let n = self.count(cursor, element, "faces")?;
         let is_outline = |p: &Property| p.count.is_some() && matches!(&*p.name, "vertex_indices" | "vertex_index");
         let Some(list) = element.properties.iter().position(is_outline) else {
             let message = "the faces have no list `vertex_indices`; export them with their vertices";
             return Err(self.source.error(SceneErrorKind::unsupported(message)));
         };
-        let n_indices = input.left() / self.index_bytes(&element.properties[list]);
+        let n_indices = cursor.left() / self.index_bytes(&element.properties[list]);
         self.source.expect(Counts {
             corners: n_indices.min(4 * n as u64),
             faces: n as u64,
@@ -410,20 +346,17 @@ impl Content<'_> {
             .map(|p| (p.count.is_none() && p.scalar.is_whole()).then(Vec::new))
             .collect();
         for k in (0_u32..).take(n) {
-            let number = input.next(element, |cursor| {
-                let mut number = k.saturating_add(1);
-                for (which, property) in element.properties.iter().enumerate() {
-                    if which == list {
-                        number = self.outline(cursor, property, k)?;
-                    } else if let Some(values) = &mut arrays[which] {
-                        #[expect(clippy::cast_possible_truncation, reason = "whole numbers of 32 bits")]
-                        values.push(value(cursor, property.scalar, self.encoding)? as i64);
-                    } else {
-                        self.skip_property(cursor, property)?;
-                    }
+            let mut number = k.saturating_add(1);
+            for (which, property) in element.properties.iter().enumerate() {
+                if which == list {
+                    number = self.outline(cursor, property, k)?;
+                } else if let Some(values) = &mut arrays[which] {
+                    #[expect(clippy::cast_possible_truncation, reason = "whole numbers of 32 bits")]
+                    values.push(value(cursor, property.scalar, self.encoding)? as i64);
+                } else {
+                    self.skip_property(cursor, property)?;
                 }
-                Ok(number)
-            })?;
+            }
             self.polygons.face([], NONE, NONE, number);
         }
         let named = element.properties.iter().zip(arrays);

@@ -1,6 +1,29 @@
-//! The types of numbers in VTK's files and PLY.
+//! Binary numbers, and the names of their types in VTK's files and PLY.
 
-use super::source::Binary as _;
+/// A number as binary files have it.
+pub(super) trait Binary: Sized {
+    /// Its bytes.
+    const BYTES: usize;
+
+    /// Returns the number of so many bytes.
+    fn of(bytes: &[u8], is_little: bool) -> Self;
+}
+
+macro_rules! binary {
+    ($($number:ty),*) => {$(
+        impl Binary for $number {
+            const BYTES: usize = size_of::<$number>();
+
+            fn of(bytes: &[u8], is_little: bool) -> Self {
+                let mut own = [0; size_of::<$number>()];
+                own.copy_from_slice(bytes);
+                if is_little { Self::from_le_bytes(own) } else { Self::from_be_bytes(own) }
+            }
+        }
+    )*};
+}
+
+binary!(i8, u8, i16, u16, i32, u32, i64, u64, f32, f64);
 
 /// A type of numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,19 +1,20 @@
 //! 3D Systems' STL, ASCII and binary.
 
-use std::io::Read as _;
+use std::io::BufRead as _;
 
 use glam::DVec3;
 
+use super::cursor::Cursor;
 use super::polygons::{NONE, Names, Polygons};
 use super::reader::{Head, Reader};
-use super::source::{Cursor, Source};
+use super::source::Source;
 use super::{Counts, LoadOptions};
 use crate::scene::builder::FirstAndCount;
 use crate::scene::{MAX_COORDINATE, Numbering, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind, Written};
 
 /// Bytes of a binary file before its triangles, and of each triangle.
 const HEADER: usize = 84;
-const TRIANGLE: usize = 50;
+const TRIANGLE: u64 = 50;
 
 /// The format.
 pub(super) struct Stl;
@@ -38,10 +39,10 @@ impl Reader for Stl {
     fn read(&self, source: &Source<'_>, _options: &LoadOptions) -> Result<Polygons, SceneError> {
         let head = source.head();
         let may_be_ascii = !has_binary_length(head.bytes, head.length) && head.begins_with("solid");
-        if may_be_ascii && !source.bytes()?.contains(&0) {
-            ascii(source)
-        } else {
-            binary(source)
+        let n_corners = if may_be_ascii { corners_of_text(source)? } else { None };
+        match n_corners {
+            Some(n_corners) => ascii(source, n_corners),
+            None => binary(source),
         }
     }
 }
@@ -52,7 +53,7 @@ fn has_binary_length(bytes: &[u8], length: u64) -> bool {
         .get(80..84)
         .and_then(|count| count.try_into().ok())
         .map(u32::from_le_bytes);
-    count.is_some_and(|count| length == HEADER as u64 + TRIANGLE as u64 * u64::from(count))
+    count.is_some_and(|count| length == HEADER as u64 + TRIANGLE * u64::from(count))
 }
 
 fn is_ascii(head: &Head<'_>) -> bool {
@@ -109,7 +110,7 @@ impl<'a> Triangles<'a> {
 
     fn end(mut self) -> Polygons {
         if let Some((number, count)) = self.opposed.0 {
-            let at = self.polygons.numbering.origin(self.source.path, number);
+            let at = self.polygons.numbering.origin(&self.source.path, number);
             let warning = SceneWarning::new(at, SceneWarningKind::OpposedNormals { count });
             self.polygons.warnings.push(warning);
         }
@@ -118,30 +119,18 @@ impl<'a> Triangles<'a> {
 }
 
 fn binary(source: &Source<'_>) -> Result<Polygons, SceneError> {
-    let mut stream = source.stream()?;
-    let mut fill = |bytes: &mut [u8], what: &'static str| {
-        stream.read_exact(bytes).map_err(|error| {
-            source.error(match error.kind() {
-                std::io::ErrorKind::UnexpectedEof => SceneErrorKind::CutShort { what },
-                _ => SceneErrorKind::Unreadable { source: error },
-            })
-        })
-    };
-    let (mut header, mut count) = ([0; HEADER - 4], [0; 4]);
-    fill(&mut header, "the header of 80 bytes")?;
-    fill(&mut count, "the number of triangles")?;
-    let (n, what) = (u32::from_le_bytes(count).into(), "triangles");
-    let room = (source.head().length - HEADER as u64) / TRIANGLE as u64;
-    if n > room {
+    let mut cursor = source.cursor();
+    cursor.take(HEADER - 4, "the header of 80 bytes")?;
+    let n = cursor.binary::<u32>("the number of triangles")?;
+    let (what, room) = ("triangles", cursor.left() / TRIANGLE);
+    if u64::from(n) > room {
+        let n = n.into();
         return Err(source.error(SceneErrorKind::Truncated { what, n, room }));
     }
-    source.expect(counts(n))?;
+    source.expect(counts(n.into()))?;
     let mut triangles = Triangles::new(source, Numbering::elements("triangle", 1));
-    triangles.reserve(usize::try_from(n).unwrap_or(0));
-    let mut record = [0; TRIANGLE];
-    for number in (1_u32..).take(usize::try_from(n).unwrap_or(0)) {
-        fill(&mut record, "a triangle")?;
-        let mut cursor = Cursor::of_bytes(source.path, &record, true);
+    triangles.reserve(n as usize);
+    for number in 1..=n {
         let mut point = |is_corner: bool| {
             let mut numbers = [0.0; 3];
             for x in &mut numbers {
@@ -160,28 +149,43 @@ fn binary(source: &Source<'_>) -> Result<Polygons, SceneError> {
         let normal = point(false)?;
         let corners = [point(true)?, point(true)?, point(true)?];
         triangles.push(normal, corners, NONE, number);
+        cursor.skip(2, "a triangle")?;
     }
     Ok(triangles.end())
 }
 
-fn ascii(source: &Source<'_>) -> Result<Polygons, SceneError> {
-    let mut cursor = source.cursor()?;
-    let n_corners = source
-        .bytes()?
-        .windows(6)
-        .filter(|word| word.eq_ignore_ascii_case(b"vertex"))
-        .count() as u64;
+/// Returns how many corners a file has at most if it is text, in which no byte is 0.
+fn corners_of_text(source: &Source<'_>) -> Result<Option<u64>, SceneError> {
+    let mut stream = source.stream(0, u64::MAX);
+    let mut n_corners = 0;
+    loop {
+        let bytes = stream.fill_buf().map_err(|error| source.unreadable(error))?;
+        if bytes.contains(&0) {
+            return Ok(None);
+        }
+        // Each has an x in its keyword, `vertex`, and few other words have one.
+        n_corners += bytes.iter().filter(|byte| matches!(byte, b'x' | b'X')).count() as u64;
+        let n_read = bytes.len();
+        if n_read == 0 {
+            return Ok(Some(n_corners));
+        }
+        stream.consume(n_read);
+    }
+}
+
+fn ascii(source: &Source<'_>, n_corners: u64) -> Result<Polygons, SceneError> {
+    let mut cursor = source.cursor();
     source.expect(counts(n_corners.div_ceil(3)))?;
     let mut triangles = Triangles::new(source, Numbering::Lines);
     let mut names = Names::default();
     let mut n_solids = 0;
-    while let Some((line, text)) = cursor.next_full_line()? {
-        let text = text.trim_start_matches('\u{feff}');
+    while let Some(line) = cursor.next_full_line()? {
+        let text = cursor.last().trim_start_matches('\u{feff}');
         let keyword = text.split_whitespace().next().unwrap_or("");
         if !keyword.eq_ignore_ascii_case("solid") {
             let found = SceneErrorKind::malformed("`solid`", keyword);
             return Err(SceneError::new(
-                triangles.polygons.numbering.origin(source.path, line),
+                triangles.polygons.numbering.origin(&source.path, line),
                 found,
             ));
         }
@@ -205,8 +209,8 @@ fn ascii(source: &Source<'_>) -> Result<Polygons, SceneError> {
 
 /// Reads a facet, or the end of a solid, which returns false.
 fn facet(cursor: &mut Cursor<'_>, triangles: &mut Triangles<'_>, group: u32) -> Result<bool, SceneError> {
-    let word = cursor.expect_word("`facet` or `endsolid`")?;
-    let line = cursor.line();
+    cursor.expect_word("`facet` or `endsolid`")?;
+    let (word, line) = (cursor.last(), cursor.line());
     if word.eq_ignore_ascii_case("endsolid") || word.eq_ignore_ascii_case("end") {
         // The name again.
         cursor.next_line()?;
@@ -236,11 +240,10 @@ fn facet(cursor: &mut Cursor<'_>, triangles: &mut Triangles<'_>, group: u32) -> 
 
 fn expect(cursor: &mut Cursor<'_>, keyword: &str) -> Result<(), SceneError> {
     let expected = format!("`{keyword}`");
-    let word = cursor.expect_word(&expected)?;
-    if word.eq_ignore_ascii_case(keyword) {
+    if cursor.expect_word(&expected)?.eq_ignore_ascii_case(keyword) {
         Ok(())
     } else {
-        Err(cursor.malformed(&expected, word))
+        Err(cursor.malformed(&expected, cursor.last()))
     }
 }
 
@@ -255,7 +258,8 @@ pub(super) fn coordinates(cursor: &mut Cursor<'_>, written: &mut Written) -> Res
 
 /// Reads a coordinate as text.
 pub(super) fn coordinate(cursor: &mut Cursor<'_>, written: &mut Written) -> Result<f64, SceneError> {
-    let token = cursor.expect_word("a coordinate")?;
+    cursor.expect_word("a coordinate")?;
+    let token = cursor.last();
     let number = token.parse::<f64>().ok().filter(|x| x.abs() <= MAX_COORDINATE);
     let value = number.ok_or_else(|| {
         let token = token.to_owned();

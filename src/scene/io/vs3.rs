@@ -129,7 +129,7 @@ struct Words<'a> {
 
 impl<'a> InputFile<'a> {
     fn error(&self, line: u32, kind: SceneErrorKind) -> SceneError {
-        SceneError::new(Origin::line(self.source.path, line), kind)
+        SceneError::new(Origin::line(&self.source.path, line), kind)
     }
 
     fn malformed(&self, line: u32, expected: &str, found: &str) -> SceneError {
@@ -368,7 +368,7 @@ impl<'a> InputFile<'a> {
         for (_, kind) in kinds.into_iter().filter(|(count, _)| *count > 0) {
             polygons
                 .warnings
-                .push(SceneWarning::new(Origin::file(self.source.path), kind));
+                .push(SceneWarning::new(Origin::file(&self.source.path), kind));
         }
         if let Some((line, count)) = self.unknown {
             let kind = SceneWarningKind::SkippedStatements {
@@ -377,7 +377,7 @@ impl<'a> InputFile<'a> {
             };
             polygons
                 .warnings
-                .push(SceneWarning::new(Origin::line(self.source.path, line), kind));
+                .push(SceneWarning::new(Origin::line(&self.source.path, line), kind));
         }
         Ok(polygons)
     }
@@ -422,7 +422,7 @@ fn material(known: &mut Vec<FileMaterial>, surface: &Surface, source: &Source<'_
             name,
             reflectance: Some([1.0 - emissivity; 3]),
             exitance: [0.0; 3],
-            at: Origin::line(source.path, surface.line),
+            at: Origin::line(&source.path, surface.line),
             doubts: Vec::new(),
         });
         known.len() - 1

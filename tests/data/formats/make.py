@@ -14,6 +14,7 @@ import numpy as np
 import pyvista as pv
 import trimesh
 from vtkmodules.vtkIOPLY import vtkPLYWriter
+from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
 
 HERE = pathlib.Path(__file__).parent
 NAMES = ["floor", "ceiling", "x0", "x1", "y0", "y1", "block"]
@@ -152,6 +153,20 @@ def by_pyvista():
         grid.save(HERE / f"{kind}s-pyvista-ascii.vtu", binary=False)
         grid.save(HERE / f"{kind}s-pyvista-grid.vtk", binary=True)
         poly.save(HERE / f"{kind}s-pyvista-binary.ply", binary=True)
+        appended = [("raw", False, None), ("raw-zlib", False, "zlib"), ("base64", True, None), ("base64-zlib", True, "zlib")]
+        for name, encoded, compressor in appended:
+            writer = vtkXMLUnstructuredGridWriter() if kind == "triangle" else vtkXMLPolyDataWriter()
+            writer.SetInputData(grid if kind == "triangle" else poly)
+            writer.SetDataModeToAppended()
+            writer.SetEncodeAppendedData(encoded)
+            writer.SetCompressorTypeToZLib() if compressor else writer.SetCompressorTypeToNone()
+            # Several blocks in each array.
+            writer.SetBlockSize(64)
+            if encoded:
+                writer.SetHeaderTypeToUInt64()
+                writer.SetByteOrderToBigEndian()
+            writer.SetFileName(str(HERE / f"{kind}s-vtk-appended-{name}.{'vtu' if kind == 'triangle' else 'vtp'}"))
+            writer.Write()
         writer = vtkPLYWriter()
         writer.SetInputData(poly)
         writer.SetFileTypeToBinary()

@@ -5,8 +5,11 @@ use std::collections::HashMap;
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 
 use super::super::Counts;
+use super::super::cursor::Cursor;
 use super::super::polygons::{FileMaterial, NONE, Names, Polygons};
-use super::super::source::{Binary, Source};
+use super::super::scalar::Binary as _;
+use super::super::source::Source;
+use super::buffers::Buffer;
 use super::document::{Accessor, Document, MaterialOfFile, Primitive};
 use crate::scene::{
     MAX_COORDINATE, Numbering, Origin, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind, Written,
@@ -31,7 +34,7 @@ struct Placed {
 
 struct Meshes<'a> {
     document: &'a Document,
-    buffers: &'a [Vec<u8>],
+    buffers: &'a [Buffer<'a>],
     source: &'a Source<'a>,
     polygons: Polygons,
     groups: Names,
@@ -43,7 +46,11 @@ struct Meshes<'a> {
 }
 
 /// Returns the polygons of the scene that a file shows.
-pub(super) fn polygons(document: &Document, buffers: &[Vec<u8>], source: &Source<'_>) -> Result<Polygons, SceneError> {
+pub(super) fn polygons<'s>(
+    document: &Document,
+    buffers: &[Buffer<'s>],
+    source: &Source<'s>,
+) -> Result<Polygons, SceneError> {
     let mut meshes = Meshes {
         document,
         buffers,
@@ -75,7 +82,7 @@ pub(super) fn polygons(document: &Document, buffers: &[Vec<u8>], source: &Source
         first: 0,
         parts,
     };
-    let file = Origin::file(source.path);
+    let file = Origin::file(&source.path);
     let mut warn = |count, what| {
         let kind = SceneWarningKind::SkippedElements { count, what };
         polygons.warnings.push(SceneWarning::new(file.clone(), kind));
@@ -97,7 +104,7 @@ pub(super) fn polygons(document: &Document, buffers: &[Vec<u8>], source: &Source
 
 impl<'a> Meshes<'a> {
     fn error_at(&self, element: String, kind: SceneErrorKind) -> SceneError {
-        let path = self.source.path.to_owned();
+        let path = self.source.path.clone();
         SceneError::new(Origin::Element { path, element }, kind)
     }
 
@@ -260,7 +267,7 @@ impl<'a> Meshes<'a> {
     /// Adds the positions of an accessor, and returns the number of the first vertex.
     fn positions(&mut self, accessor: usize, placed: Placed) -> Result<usize, SceneErrorKind> {
         let world_from_node = placed.world_from_node;
-        let (own, bytes, stride) = self.accessor(accessor)?;
+        let (own, mut cursor, gap) = self.accessor(accessor)?;
         if own.kind != "VEC3" {
             return Err(SceneErrorKind::malformed("positions of type `VEC3`", own.kind.clone()));
         }
@@ -274,8 +281,9 @@ impl<'a> Meshes<'a> {
         let size = component_bytes(own.component_type)?;
         let mut greatest = 0.0_f64;
         let mut local_written = Written::new();
-        for point in bytes.chunks(stride) {
+        for k in 0..own.count {
             let mut local = [0.0; 3];
+            let point = next(&mut cursor, if k == 0 { 0 } else { gap }, 3 * size)?;
             for (x, own_bytes) in local.iter_mut().zip(point.chunks_exact(size)) {
                 *x = component(own, own_bytes);
                 if x.is_nan() || x.abs() > MAX_COORDINATE {
@@ -325,7 +333,7 @@ impl<'a> Meshes<'a> {
     }
 
     fn indices(&self, accessor: usize, n_vertices: usize) -> Result<Vec<u32>, SceneErrorKind> {
-        let (own, bytes, stride) = self.accessor(accessor)?;
+        let (own, mut cursor, gap) = self.accessor(accessor)?;
         if own.kind != "SCALAR" || !matches!(own.component_type, 5121 | 5123 | 5125) {
             return Err(SceneErrorKind::malformed(
                 "indices that are unsigned whole numbers",
@@ -340,24 +348,25 @@ impl<'a> Meshes<'a> {
             })
             .map_err(|error| error.kind)?;
         let size = component_bytes(own.component_type)?;
-        let index = |one: &[u8]| -> Result<u32, SceneErrorKind> {
+        let mut indices = Vec::new();
+        for k in 0..own.count {
+            let one = next(&mut cursor, if k == 0 { 0 } else { gap }, size)?;
             let index = match size {
-                1 => u8::of(&one[..1], true).into(),
-                2 => u16::of(&one[..2], true).into(),
-                _ => u32::of(&one[..4], true),
+                1 => u8::of(one, true).into(),
+                2 => u16::of(one, true).into(),
+                _ => u32::of(one, true),
             };
-            if (index as usize) < n_vertices {
-                Ok(index)
-            } else {
+            if index as usize >= n_vertices {
                 let index = index.into();
-                Err(SceneErrorKind::IndexOutOfRange { index, n_vertices })
+                return Err(SceneErrorKind::IndexOutOfRange { index, n_vertices });
             }
-        };
-        bytes.chunks(stride).map(index).collect()
+            indices.push(index);
+        }
+        Ok(indices)
     }
 
-    /// Returns an accessor with its bytes and the bytes from one element to the next; the last chunk of so many holds a whole element.
-    fn accessor(&self, number: usize) -> Result<(&'a Accessor, &'a [u8], usize), SceneErrorKind> {
+    /// Returns an accessor, where its elements begin, and the bytes between two of them.
+    fn accessor(&self, number: usize) -> Result<(&'a Accessor, Cursor<'a>, u64), SceneErrorKind> {
         let document = self.document;
         let missing = |what: &str, place: usize| SceneErrorKind::malformed(what, place.to_string());
         let own = document
@@ -386,25 +395,30 @@ impl<'a> Meshes<'a> {
             .buffers
             .get(view.buffer)
             .ok_or_else(|| missing("a buffer of the file", view.buffer))?;
-        let slice = |bytes: &'a [u8], from: u64, n: u64| -> Option<&'a [u8]> {
-            let from = usize::try_from(from).ok()?;
-            let to = from.checked_add(usize::try_from(n).ok()?)?;
-            bytes.get(from..to)
-        };
         let stride = view.byte_stride.filter(|stride| *stride >= size).unwrap_or(size);
         let needed = match own.count {
             0 => 0,
             n => (n - 1).saturating_mul(stride).saturating_add(size),
         };
-        let bytes = slice(buffer, view.byte_offset, view.byte_length)
-            .and_then(|bytes| slice(bytes, own.byte_offset, needed))
-            .ok_or(SceneErrorKind::Truncated {
+        let is_in = |from: u64, n: u64, room: u64| from.checked_add(n).is_some_and(|end| end <= room);
+        if !is_in(view.byte_offset, view.byte_length, buffer.len()) || !is_in(own.byte_offset, needed, view.byte_length)
+        {
+            return Err(SceneErrorKind::Truncated {
                 what: "elements of an accessor",
                 n: own.count,
-                room: (buffer.len() as u64).saturating_sub(view.byte_offset) / stride,
-            })?;
-        Ok((own, bytes, usize::try_from(stride).unwrap_or(usize::MAX)))
+                room: buffer.len().saturating_sub(view.byte_offset) / stride,
+            });
+        }
+        let cursor = buffer.cursor(self.source, view.byte_offset + own.byte_offset);
+        Ok((own, cursor, stride - size))
     }
+}
+
+/// Returns the bytes of the next element, behind a gap.
+fn next<'c>(cursor: &'c mut Cursor<'_>, gap: u64, size: usize) -> Result<&'c [u8], SceneErrorKind> {
+    const WHAT: &str = "an accessor";
+    cursor.skip(gap, WHAT).map_err(|error| error.kind)?;
+    cursor.take(size, WHAT).map_err(|error| error.kind)
 }
 
 fn component_bytes(kind: u32) -> Result<usize, SceneErrorKind> {
@@ -510,7 +524,7 @@ fn material(name: String, own: &MaterialOfFile, source: &Source<'_>) -> FileMate
         .and_then(|given| given["emissiveStrength"].as_f64())
         .unwrap_or(1.0);
     let factor = own.emissive_factor.unwrap_or_default();
-    let (path, element) = (source.path.to_owned(), format!("material `{name}`"));
+    let (path, element) = (source.path.clone(), format!("material `{name}`"));
     let at = Origin::Element { path, element };
     let mut doubts = Vec::new();
     let mut doubt = |kind| doubts.push(SceneWarning::new(at.clone(), kind));

@@ -1,20 +1,19 @@
 //! Khronos' glTF 2.0, as JSON with buffers beside it, and as GLB in one file.
 
+mod buffers;
 mod document;
 mod meshes;
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
-
-use base64::Engine as _;
-use base64::engine::general_purpose::STANDARD;
 
 use super::LoadOptions;
 use super::polygons::Polygons;
 use super::reader::{Head, Reader};
 use super::source::Source;
-use crate::input_file;
-use crate::scene::{Origin, SceneError, SceneErrorKind};
-use document::{Buffer, Document};
+use crate::scene::{SceneError, SceneErrorKind};
+use buffers::Buffer;
+use document::Document;
 
 /// Extensions that change nothing that is read, or are read.
 const KNOWN_EXTENSIONS: [&str; 12] = [
@@ -53,8 +52,7 @@ impl Reader for Gltf {
     }
 
     fn read(&self, source: &Source<'_>, options: &LoadOptions) -> Result<Polygons, SceneError> {
-        let (json, binary) = parts(source.bytes()?).map_err(|kind| source.error(kind))?;
-        let document = parse(json).map_err(|kind| source.error(kind))?;
+        let (mut document, chunk) = parsed(source)?;
         if let Some(name) = document
             .required
             .iter()
@@ -65,20 +63,17 @@ impl Reader for Gltf {
         }
         let buffers = document
             .buffers
-            .iter()
+            .iter_mut()
             .enumerate()
-            .map(|(k, buffer)| bytes_of(k, buffer, binary, source, options))
+            .map(|(k, buffer)| Buffer::find(k, buffer, chunk.clone(), source, options))
             .collect::<Result<Vec<_>, _>>()?;
         meshes::polygons(&document, &buffers, source)
     }
 
     #[cfg(feature = "cli")]
     fn companions(&self, path: &Path) -> Vec<PathBuf> {
-        let parsed = input_file::read(path, u64::MAX).ok().and_then(|bytes| {
-            let (json, _) = parts(&bytes).ok()?;
-            parse(json).ok()
-        });
-        let buffers = parsed.map_or_else(Vec::new, |document| document.buffers);
+        let parsed = Source::open(path, &|_| Ok(())).and_then(|source| parsed(&source));
+        let buffers = parsed.map_or_else(|_| Vec::new(), |(document, _)| document.buffers);
         let uris = buffers.into_iter().filter_map(|buffer| buffer.uri);
         let files = uris
             .filter(|uri| !uri.starts_with("data:"))
@@ -87,101 +82,59 @@ impl Reader for Gltf {
     }
 }
 
-fn parse(json: &[u8]) -> Result<Document, SceneErrorKind> {
-    serde_json::from_slice(json).map_err(|error| SceneErrorKind::malformed("JSON of glTF 2.0", error.to_string()))
+/// Returns what the JSON of a file says, and where the binary chunk of a GLB is.
+fn parsed(source: &Source<'_>) -> Result<(Document, Option<Range<u64>>), SceneError> {
+    let (json, chunk) = parts(source).map_err(|kind| source.error(kind))?;
+    let json = source.part(json.start, json.end - json.start)?;
+    let document = serde_json::from_slice(&json);
+    let malformed = |error: serde_json::Error| SceneErrorKind::malformed("JSON of glTF 2.0", error.to_string());
+    Ok((document.map_err(|error| source.error(malformed(error)))?, chunk))
 }
 
-/// Returns the JSON of a file, and the binary chunk of a GLB.
-fn parts(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), SceneErrorKind> {
+/// Returns where the JSON of a file is, and the binary chunk of a GLB.
+fn parts(source: &Source<'_>) -> Result<(Range<u64>, Option<Range<u64>>), SceneErrorKind> {
     const JSON: u32 = 0x4e4f_534a;
     const BINARY: u32 = 0x004e_4942;
+    const HEADER: SceneErrorKind = SceneErrorKind::CutShort {
+        what: "the header of the GLB",
+    };
+    let Head { bytes, length: room } = source.head();
     if !bytes.starts_with(b"glTF") {
-        return Ok((bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes), None));
+        let start = if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 };
+        return Ok((start..room, None));
     }
-    let word = |at: usize| {
-        let own = bytes.get(at..at + 4).and_then(|own| own.try_into().ok());
-        own.map(u32::from_le_bytes).ok_or(SceneErrorKind::CutShort {
-            what: "the header of the GLB",
-        })
+    let word = |at: u64| {
+        let own = source.part(at, 4).map_err(|error| error.kind)?;
+        own.try_into().map(u32::from_le_bytes).map_err(|_| HEADER)
     };
     let version = word(4)?;
     if version != 2 {
         let message = format!("GLB of version {version} is not read; export glTF 2.0");
         return Err(SceneErrorKind::unsupported(message));
     }
-    let length = word(8)? as usize;
-    if length > bytes.len() {
-        let (what, n, room) = ("bytes", length as u64, bytes.len() as u64);
+    let length = u64::from(word(8)?);
+    if length > room {
+        let (what, n) = ("bytes", length);
         return Err(SceneErrorKind::Truncated { what, n, room });
     }
     let (mut json, mut binary) = (None, None);
     let mut at = 12;
     while at < length {
-        let (size, kind) = (word(at)? as usize, word(at + 4)?);
-        let chunk = bytes
-            .get(at + 8..)
-            .and_then(|rest| rest.get(..size))
-            .ok_or(SceneErrorKind::CutShort {
-                what: "a chunk of the GLB",
-            })?;
+        let (size, kind) = (word(at)?, word(at + 4)?);
+        let chunk = at + 8..at + 8 + u64::from(size);
+        if chunk.end > room {
+            let what = "a chunk of the GLB";
+            return Err(SceneErrorKind::CutShort { what });
+        }
+        at = chunk.end;
         match kind {
             JSON if json.is_none() => json = Some(chunk),
             BINARY if binary.is_none() => binary = Some(chunk),
             _ => {}
         }
-        at += 8 + size;
     }
     let json = json.ok_or_else(|| SceneErrorKind::malformed("a chunk of JSON", "none"))?;
     Ok((json, binary))
-}
-
-/// Returns the bytes of a buffer: a file beside the scene, base64 in the JSON, or the chunk of the GLB.
-fn bytes_of(
-    k: usize,
-    buffer: &Buffer,
-    binary: Option<&[u8]>,
-    source: &Source<'_>,
-    options: &LoadOptions,
-) -> Result<Vec<u8>, SceneError> {
-    let refused = |kind| {
-        let (path, element) = (source.path.to_owned(), format!("buffer {k}"));
-        SceneError::new(Origin::Element { path, element }, kind)
-    };
-    let bytes = match &buffer.uri {
-        None => {
-            let chunk = binary.filter(|_| k == 0);
-            chunk
-                .ok_or_else(|| {
-                    refused(SceneErrorKind::malformed(
-                        "a `uri`, or the binary chunk of a GLB",
-                        "none",
-                    ))
-                })?
-                .to_vec()
-        }
-        Some(uri) if uri.starts_with("data:") => {
-            let text = uri.split_once(";base64,").map(|(_, text)| text);
-            let text = text.ok_or_else(|| refused(SceneErrorKind::malformed("data in base64", uri.as_str())))?;
-            STANDARD
-                .decode(text)
-                .map_err(|error| refused(SceneErrorKind::malformed("base64", error.to_string())))?
-        }
-        Some(uri) => {
-            let file = beside(source.path, uri);
-            if !options.allow_outside && !super::obj::mtl::lies_beside(&file, source.path) && file.exists() {
-                return Err(refused(SceneErrorKind::OutsideFolder { name: uri.clone() }));
-            }
-            let unreadable = |error| SceneError::new(Origin::file(&file), SceneErrorKind::Unreadable { source: error });
-            input_file::expect_plain(&file).map_err(unreadable)?;
-            source.expect_room(buffer.byte_length)?;
-            input_file::read(&file, u64::MAX).map_err(unreadable)?
-        }
-    };
-    let (n, room) = (buffer.byte_length, bytes.len() as u64);
-    if n > room {
-        return Err(refused(SceneErrorKind::Truncated { what: "bytes", n, room }));
-    }
-    Ok(bytes)
 }
 
 /// Returns the file of a relative reference.

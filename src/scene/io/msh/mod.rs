@@ -7,9 +7,11 @@ mod v2;
 mod v4;
 
 use super::cells::{Cell, Others};
+use super::cursor::Cursor;
 use super::polygons::{NONE, Names, Polygons};
 use super::reader::{Head, Reader};
-use super::source::{Binary, Cursor, Source};
+use super::scalar::Binary;
+use super::source::Source;
 use super::{LoadOptions, stl};
 use crate::scene::{MAX_COORDINATE, Numbering, SceneError, SceneErrorKind, Written};
 
@@ -35,13 +37,14 @@ impl Reader for Msh {
     }
 
     fn read(&self, source: &Source<'_>, _options: &LoadOptions) -> Result<Polygons, SceneError> {
-        let mut cursor = source.cursor()?;
+        let mut cursor = source.cursor();
         let mut file = MeshFile::new(source);
-        while let Some((_, name)) = cursor.next_full_line()? {
+        while cursor.next_full_line()?.is_some() {
+            let name = cursor.last().to_owned();
             if !name.starts_with('$') {
-                return Err(cursor.malformed("a section such as `$Nodes`", name));
+                return Err(cursor.malformed("a section such as `$Nodes`", &name));
             }
-            file.section(&mut cursor, name)?;
+            file.section(&mut cursor, &name)?;
         }
         file.end()
     }
@@ -161,7 +164,7 @@ impl<'a> MeshFile<'a> {
             _ => {}
         }
         let end = format!("$End{}", &name[1..]);
-        if cursor.skip_past_line(&end) {
+        if cursor.skip_past_line(&end)? {
             Ok(())
         } else {
             Err(self.source.error(SceneErrorKind::CutShort { what: "a section" }))
@@ -169,8 +172,7 @@ impl<'a> MeshFile<'a> {
     }
 
     fn format(&mut self, cursor: &mut Cursor<'_>) -> Result<(), SceneError> {
-        let version = cursor.expect_word("a version")?;
-        self.version = match version {
+        self.version = match cursor.expect_word("a version")? {
             "2.2" | "2" | "2.0" | "2.1" => (2, 2),
             "4.1" => (4, 1),
             _ => return Err(old(cursor)),
@@ -207,8 +209,8 @@ impl<'a> MeshFile<'a> {
             let dimension = cursor.number("a dimension")?;
             let tag = cursor.number("a physical tag")?;
             let rest = cursor.next_line()?.unwrap_or("");
-            self.physical_names
-                .insert((dimension, tag), rest.trim_matches('"').to_owned());
+            let name = rest.trim_matches('"').to_owned();
+            self.physical_names.insert((dimension, tag), name);
         }
         Ok(())
     }
@@ -303,7 +305,7 @@ impl<'a> MeshFile<'a> {
             }
             self.polygons.groups = names.all;
         }
-        let warnings = self.others.warnings(self.source.path);
+        let warnings = self.others.warnings(&self.source.path);
         self.polygons.warnings.extend(warnings);
         Ok(self.polygons)
     }

@@ -4,8 +4,8 @@ use glam::DVec3;
 
 use super::super::Counts;
 use super::super::cells::Cell;
-use super::super::source::Cursor;
-use super::{MeshFile, element};
+use super::super::cursor::Cursor;
+use super::{Binary as _, MeshFile, element};
 use crate::scene::{SceneError, SceneErrorKind};
 
 impl MeshFile<'_> {
@@ -58,18 +58,18 @@ impl MeshFile<'_> {
             return Ok(());
         }
         for _ in 0..n {
-            let Some((_, line)) = cursor.next_full_line()? else {
+            let Some(number) = cursor.next_full_line()? else {
                 return Err(self.source.error(SceneErrorKind::CutShort { what: "the elements" }));
             };
-            self.element_line_v2(cursor, line)?;
+            self.element_line_v2(cursor, number)?;
         }
         Ok(())
     }
 
-    fn element_line_v2(&mut self, cursor: &Cursor<'_>, line: &str) -> Result<(), SceneError> {
-        // The cursor is on the next line already.
-        let number = cursor.line().saturating_sub(1);
-        let at_line = |kind| SceneError::new(self.polygons.numbering.origin(self.source.path, number), kind);
+    /// Reads the element on the last line, which has some number.
+    fn element_line_v2(&mut self, cursor: &Cursor<'_>, number: u32) -> Result<(), SceneError> {
+        let line = cursor.last();
+        let at_line = |kind| SceneError::new(self.polygons.numbering.origin(&self.source.path, number), kind);
         let malformed = || {
             at_line(SceneErrorKind::malformed(
                 "tag, type, number of tags, tags and nodes",
@@ -99,7 +99,7 @@ impl MeshFile<'_> {
                 .collect();
             let tag = |k: usize| tags.get(k).copied().unwrap_or(0);
             self.face(cursor, &nodes, (tag(0), tag(1)), number).map_err(|error| {
-                SceneError::new(self.polygons.numbering.origin(self.source.path, number), error.kind)
+                SceneError::new(self.polygons.numbering.origin(&self.source.path, number), error.kind)
             })?;
         }
         Ok(())
@@ -136,14 +136,14 @@ impl MeshFile<'_> {
                     *place = tag.into();
                 }
             }
+            let is_little = cursor.is_little;
             let nodes = cursor.take(4 * n_nodes, WHAT)?;
+            let mut corners = [0_u64; 4];
+            for (corner, node) in corners.iter_mut().zip(nodes.chunks_exact(4)) {
+                *corner = u32::of(node, is_little).into();
+            }
             self.others.count(cell);
             if let Cell::Face(n_corners, _) = cell {
-                let mut own = Cursor::of_bytes(self.source.path, nodes, cursor.is_little);
-                let mut corners = [0_u64; 4];
-                for corner in &mut corners[..n_corners] {
-                    *corner = own.binary::<u32>(WHAT)?.into();
-                }
                 self.face(cursor, &corners[..n_corners], (tags[0], tags[1]), number)?;
             }
         }

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::super::Counts;
 use super::super::cells::Cell;
-use super::super::source::Cursor;
+use super::super::cursor::Cursor;
 use super::{MeshFile, element};
 use crate::scene::{SceneError, SceneErrorKind};
 

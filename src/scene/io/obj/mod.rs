@@ -48,7 +48,7 @@ impl Reader for Obj {
     }
 
     fn read(&self, source: &Source<'_>, options: &LoadOptions) -> Result<Polygons, SceneError> {
-        let file = source.path;
+        let file = &source.path;
         let text = source.text()?;
         source.expect(counts(text))?;
         let ObjIndex {

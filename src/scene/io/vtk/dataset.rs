@@ -120,7 +120,7 @@ impl Dataset {
                 continue;
             };
             let refused = |reason| {
-                let (path, element) = (source.path.to_owned(), polygons.numbering.label(number));
+                let (path, element) = (source.path.clone(), polygons.numbering.label(number));
                 SceneError::new(Origin::Element { path, element }, reason)
             };
             if points.len() < n_corners || n_corners < 3 {
@@ -142,7 +142,7 @@ impl Dataset {
             .into_iter()
             .filter_map(|array| of_faces(array, &cells, self.ends.len()));
         let arrays = arrays.collect();
-        let warnings = others.warnings(source.path);
+        let warnings = others.warnings(&source.path);
         polygons.warnings.extend(warnings);
         surfaces(&mut polygons, arrays, options, source)?;
         Ok(polygons)

@@ -3,11 +3,15 @@
 use glam::DVec3;
 
 use super::super::cells::{Array, Values};
+use super::super::cursor::Cursor;
 use super::super::scalar::Scalar;
-use super::super::source::{Cursor, Source};
+use super::super::source::Source;
 use super::super::{Counts, stl};
 use super::dataset::{Dataset, LINE, STRIP, VERTICES};
 use crate::scene::{MAX_COORDINATE, SceneError, SceneErrorKind};
+
+/// The line that is found where the file ends.
+const END: &str = "the end of the file";
 
 /// The things that the arrays which follow have values for.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -28,11 +32,12 @@ struct Legacy<'a> {
 }
 
 pub(super) fn read(source: &Source<'_>) -> Result<Dataset, SceneError> {
-    let mut cursor = source.cursor()?;
+    let mut cursor = source.cursor();
     // The version and a title.
     cursor.next_full_line()?;
     cursor.next_line()?;
-    let encoding = cursor.next_full_line()?.map_or("the end of the file", |(_, text)| text);
+    let is_there = cursor.next_full_line()?.is_some();
+    let encoding = if is_there { cursor.last() } else { END };
     let is_binary = match encoding.to_ascii_uppercase().as_str() {
         "ASCII" => false,
         "BINARY" => true,
@@ -47,7 +52,8 @@ pub(super) fn read(source: &Source<'_>) -> Result<Dataset, SceneError> {
         dataset: Dataset::default(),
         untyped: Vec::new(),
     };
-    while let Some((_, line)) = file.cursor.next_full_line()? {
+    while file.cursor.next_full_line()?.is_some() {
+        let line = file.cursor.last().to_owned();
         let words: Vec<&str> = line.split_whitespace().collect();
         let keyword = words[0].to_ascii_uppercase();
         file.section(&keyword, &words[1..])?;
@@ -61,7 +67,7 @@ pub(super) fn read(source: &Source<'_>) -> Result<Dataset, SceneError> {
     }
 }
 
-impl<'a> Legacy<'a> {
+impl Legacy<'_> {
     fn error(&self, kind: SceneErrorKind) -> SceneError {
         if self.is_binary {
             self.source.error(kind)
@@ -74,7 +80,7 @@ impl<'a> Legacy<'a> {
         self.error(SceneErrorKind::malformed(expected, found))
     }
 
-    fn section(&mut self, keyword: &str, words: &[&'a str]) -> Result<(), SceneError> {
+    fn section(&mut self, keyword: &str, words: &[&str]) -> Result<(), SceneError> {
         match keyword {
             "DATASET" => self.kind(words),
             "POINTS" => self.points(words),
@@ -119,7 +125,7 @@ impl<'a> Legacy<'a> {
             usize::try_from(n).map_err(|_| self.cursor.error(SceneErrorKind::CutShort { what }))
         } else {
             // A digit and a blank, but for the last one.
-            let room = (self.cursor.rest().len() as u64).div_ceil(2);
+            let room = (self.cursor.left()).div_ceil(2);
             usize::try_from(n)
                 .ok()
                 .filter(|_| n <= room)
@@ -181,8 +187,9 @@ impl<'a> Legacy<'a> {
         if !scalar.is_whole() {
             return Err(self.malformed("whole numbers", "others"));
         }
+        let is_little = self.cursor.is_little;
         let own = self.cursor.take(scalar.bytes(), WHAT)?;
-        Ok(scalar.whole(own, self.cursor.is_little).unwrap_or(-1))
+        Ok(scalar.whole(own, is_little).unwrap_or(-1))
     }
 
     fn point(&mut self, scalar: Scalar) -> Result<u32, SceneError> {
@@ -197,8 +204,7 @@ impl<'a> Legacy<'a> {
     fn cells(&mut self, keyword: &str, words: &[&str]) -> Result<(), SceneError> {
         let n = self.counted(words, "the number of cells")?;
         let size = self.counted(words.get(1..).unwrap_or(&[]), "the number of points of cells")?;
-        let mut ahead = self.cursor.clone();
-        let is_by_offsets = matches!(ahead.next_full_line(), Ok(Some((_, line))) if line.starts_with("OFFSETS"));
+        let is_by_offsets = self.cursor.is_before("OFFSETS")?;
         let start = self.dataset.connectivity.len();
         let mut ends = Vec::new();
         if is_by_offsets {
@@ -257,10 +263,8 @@ impl<'a> Legacy<'a> {
 
     /// Reads the line before an array, as in `OFFSETS vtktypeint64`.
     fn array_line(&mut self, keyword: &str) -> Result<Scalar, SceneError> {
-        let line = self
-            .cursor
-            .next_full_line()?
-            .map_or("the end of the file", |(_, line)| line);
+        let is_there = self.cursor.next_full_line()?.is_some();
+        let line = if is_there { self.cursor.last() } else { END };
         let words: Vec<&str> = line.split_whitespace().collect();
         if words.first().is_none_or(|word| !word.eq_ignore_ascii_case(keyword)) {
             return Err(self.malformed(keyword, line));
@@ -289,16 +293,17 @@ impl<'a> Legacy<'a> {
         let n_arrays = self.counted(words.get(1..).unwrap_or(&[]), "the number of arrays")?;
         let mut k = 0;
         while k < n_arrays {
-            let Some((_, line)) = self.cursor.next_full_line()? else {
+            if self.cursor.next_full_line()?.is_none() {
                 return Err(self.source.error(SceneErrorKind::CutShort { what: "a field" }));
-            };
+            }
+            let line = self.cursor.last().to_owned();
             let of_array: Vec<&str> = line.split_whitespace().collect();
             if of_array[0] == "METADATA" {
                 self.metadata()?;
                 continue;
             }
             let [name, n_components, n_tuples, scalar] = of_array[..] else {
-                return Err(self.malformed("a name, two counts and a type", line));
+                return Err(self.malformed("a name, two counts and a type", &line));
             };
             let scalar = self.scalar(Some(&scalar))?;
             let n_components = self.counted(&[n_components], "the number of components")?;
@@ -328,9 +333,8 @@ impl<'a> Legacy<'a> {
                 let n_components = words
                     .get(2)
                     .map_or(Ok(1), |word| self.counted(&[word], "a number of components"))?;
-                let mut ahead = self.cursor.clone();
-                if matches!(ahead.next_full_line(), Ok(Some((_, line))) if line.starts_with("LOOKUP_TABLE")) {
-                    self.cursor = ahead;
+                if self.cursor.is_before("LOOKUP_TABLE")? {
+                    self.cursor.next_full_line()?;
                 }
                 self.array(name, n_components, n, scalar)
             }
@@ -371,8 +375,7 @@ impl<'a> Legacy<'a> {
                 Scalar::Bit => (n as u64).div_ceil(8),
                 _ => (n as u64).saturating_mul(scalar.bytes() as u64),
             };
-            self.cursor
-                .take(usize::try_from(n_bytes).unwrap_or(usize::MAX), "an array")?;
+            self.cursor.skip(n_bytes, "an array")?;
         } else {
             for _ in 0..n {
                 self.cursor.expect_word("a number")?;
@@ -414,10 +417,8 @@ impl<'a> Legacy<'a> {
         let mut texts = Vec::with_capacity(n);
         for _ in 0..n {
             if !self.is_binary {
-                let line = self
-                    .cursor
-                    .next_line()?
-                    .ok_or_else(|| self.source.error(SceneErrorKind::CutShort { what: WHAT }))?;
+                let cut_short = || self.source.error(SceneErrorKind::CutShort { what: WHAT });
+                let line = self.cursor.next_line()?.ok_or_else(cut_short)?;
                 texts.push(decoded(line));
                 continue;
             }

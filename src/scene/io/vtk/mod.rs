@@ -4,6 +4,7 @@ mod dataset;
 mod legacy;
 mod xml;
 mod xml_array;
+mod xml_bytes;
 
 use super::LoadOptions;
 use super::polygons::Polygons;

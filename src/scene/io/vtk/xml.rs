@@ -1,28 +1,30 @@
 //! VTK's XML files of unstructured grids and of polygons.
 
-use std::borrow::Cow;
+use std::error::Error as _;
+use std::str::Utf8Error;
 
 use quick_xml::XmlVersion;
 use quick_xml::events::{BytesStart, Event};
 use quick_xml::reader::Reader;
 
 use super::super::cells::Array;
-use super::super::source::{Source, text_of};
+use super::super::source::Source;
 use super::dataset::{Dataset, LINE, STRIP, VERTICES};
-use super::xml_array::{Content, DataArray, Encoding};
+use super::xml_array::{Content, DataArray};
+use super::xml_bytes::Encoding;
 use crate::scene::lines::line_after;
 use crate::scene::{Origin, SceneError, SceneErrorKind};
 
 /// A part of a file, with its arrays.
 #[derive(Default)]
-struct Piece<'a> {
+struct Piece {
     n_points: u64,
     /// The numbers of cells: of a grid, or of vertices, lines, strips and polygons.
     n_cells: [u64; 4],
-    points: Option<DataArray<'a>>,
+    points: Option<DataArray>,
     /// Offsets, connectivity and types, of a grid in the last place.
-    cells: [[Option<DataArray<'a>>; 3]; 4],
-    cell_data: Vec<DataArray<'a>>,
+    cells: [[Option<DataArray>; 3]; 4],
+    cell_data: Vec<DataArray>,
 }
 
 /// The places of kinds of polygons among the cells of a piece, in the order of their data.
@@ -31,78 +33,74 @@ const SECTIONS: [&str; 4] = ["Verts", "Lines", "Polys", "Strips"];
 /// The place of polygons, or of all cells of a grid.
 const POLYS: usize = 2;
 
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
+
 struct File<'a> {
     source: &'a Source<'a>,
-    encoding: Encoding<'a>,
+    encoding: Encoding,
     is_grid: bool,
-    pieces: Vec<Piece<'a>>,
+    pieces: Vec<Piece>,
     /// The section that the reader is in.
     section: &'static str,
     is_ended: bool,
 }
 
 pub(super) fn read(source: &Source<'_>) -> Result<Dataset, SceneError> {
-    // What is appended need be no text.
-    let bytes = source.bytes()?;
-    let tag = b"<AppendedData";
-    let end = bytes.windows(tag.len()).position(|window| window == tag);
-    let text = text_of(source.path, &bytes[..end.unwrap_or(bytes.len())])?;
     let mut file = File {
         source,
         encoding: Encoding::default(),
         is_grid: false,
         pieces: Vec::new(),
         section: "",
-        is_ended: end.is_some(),
+        is_ended: false,
     };
-    if let Some(end) = end {
-        file.encoding.append(&bytes[end..]);
-    }
-    file.parse(text)?;
+    file.parse()?;
     if !file.is_ended {
         return Err(source.error(SceneErrorKind::CutShort { what: "`VTKFile`" }));
     }
     file.dataset()
 }
 
-impl<'a> File<'a> {
-    fn parse(&mut self, text: &'a str) -> Result<(), SceneError> {
+impl File<'_> {
+    /// Reads all elements up to appended data, which need be no text; of the arrays only their places.
+    fn parse(&mut self) -> Result<(), SceneError> {
         let source = self.source;
-        let mut reader = Reader::from_str(text);
-        let mut array: Option<DataArray<'a>> = None;
+        let start = if source.head().bytes.starts_with(BYTE_ORDER_MARK) {
+            BYTE_ORDER_MARK.len() as u64
+        } else {
+            0
+        };
+        let mut reader = Reader::from_reader(source.stream(start, u64::MAX));
+        let mut buffer = Vec::new();
+        let mut array: Option<DataArray> = None;
         // How deep the place is in elements that describe an array.
         let mut depth = 0;
         loop {
-            let event = reader.read_event();
-            let line = || {
-                let at = usize::try_from(reader.error_position()).unwrap_or(usize::MAX);
-                line_after(text.get(..at).unwrap_or(text))
+            buffer.clear();
+            let before = start + reader.buffer_position();
+            let event = reader.read_event_into(&mut buffer);
+            let place = before..start + reader.buffer_position();
+            let event = event.map_err(|error| refused(source, error, before, start + reader.error_position()))?;
+            let malformed = |(expected, found): (&str, String)| {
+                error_at(source, place.end, SceneErrorKind::malformed(expected, found))
             };
-            let malformed = |expected: &str, found: &str| {
-                let kind = SceneErrorKind::malformed(expected, found);
-                SceneError::new(Origin::line(source.path, line()), kind)
-            };
-            match event.map_err(|error| malformed("well-formed XML", &error.to_string()))? {
+            match event {
                 Event::Start(_) if array.is_some() => depth += 1,
                 Event::End(_) if depth > 0 => depth -= 1,
                 Event::Empty(_) if array.is_some() => {}
-                Event::Start(tag) => {
-                    array = self
-                        .begin(&tag)
-                        .map_err(|(expected, found)| malformed(expected, &found))?;
+                Event::Start(tag) if tag.name().as_ref() == "AppendedData" => {
+                    self.is_ended = true;
+                    return self.encoding.append(source, &tag, place.end);
                 }
+                Event::Start(tag) => array = self.begin(&tag).map_err(malformed)?,
                 Event::Empty(tag) => {
-                    if let Some(empty) = self
-                        .begin(&tag)
-                        .map_err(|(expected, found)| malformed(expected, &found))?
-                    {
+                    if let Some(empty) = self.begin(&tag).map_err(malformed)? {
                         self.keep(empty);
                     }
                 }
                 Event::Text(content) => {
-                    let own = array.as_mut().filter(|_| depth == 0);
-                    if let (Some(own), Cow::Borrowed(words)) = (own, content.into_inner()) {
-                        own.content.write(words);
+                    if let Some(own) = array.as_mut().filter(|_| depth == 0 && !content.trim().is_empty()) {
+                        own.content.write(place);
                     }
                 }
                 Event::End(tag) => match tag.name().as_ref() {
@@ -125,7 +123,7 @@ impl<'a> File<'a> {
     }
 
     /// Takes note of an element that begins; an array is returned. An error is what was expected, and what was found.
-    fn begin(&mut self, tag: &BytesStart<'_>) -> Result<Option<DataArray<'a>>, (&'static str, String)> {
+    fn begin(&mut self, tag: &BytesStart<'_>) -> Result<Option<DataArray>, (&'static str, String)> {
         let attribute = |name: &str| -> Option<String> {
             let found = tag.try_get_attribute(name).ok()??;
             found
@@ -189,7 +187,7 @@ impl<'a> File<'a> {
     }
 
     /// Puts an array in its place.
-    fn keep(&mut self, array: DataArray<'a>) {
+    fn keep(&mut self, array: DataArray) {
         if let Content::Appended(offset) = array.content {
             self.encoding.offsets.push(offset);
         }
@@ -230,7 +228,7 @@ impl<'a> File<'a> {
                 if n_pieces == 1 {
                     return self.source.error(kind);
                 }
-                let (path, element) = (self.source.path.to_owned(), format!("piece {k}"));
+                let (path, element) = (self.source.path.clone(), format!("piece {k}"));
                 SceneError::new(Origin::Element { path, element }, kind)
             };
             self.add(piece, &mut dataset).map_err(refused)?;
@@ -238,13 +236,12 @@ impl<'a> File<'a> {
         Ok(dataset)
     }
 
-    fn add(&self, piece: Piece<'a>, dataset: &mut Dataset) -> Result<(), SceneErrorKind> {
-        let room = |n_bytes| self.source.expect_room(n_bytes).map_err(|error| error.kind);
-        let encoding = &self.encoding;
+    fn add(&self, piece: Piece, dataset: &mut Dataset) -> Result<(), SceneErrorKind> {
+        let from = (self.source, &self.encoding);
         let first_point = u32::try_from(dataset.points.len()).unwrap_or(u32::MAX);
         let n_points = piece.n_points.saturating_mul(3);
         if let Some(points) = piece.points.filter(|_| n_points > 0) {
-            points.points(encoding, n_points, room, dataset)?;
+            points.points(from, n_points, dataset)?;
         } else if n_points > 0 {
             return Err(SceneErrorKind::malformed("an array of points", "none"));
         }
@@ -262,19 +259,21 @@ impl<'a> File<'a> {
             let start = dataset.connectivity.len();
             let mut ends = Vec::new();
             let mut last = 0;
-            for end in offsets.whole(encoding, Some(n), room)? {
+            offsets.whole(from, Some(n), |end| {
                 let own = usize::try_from(end).ok().filter(|own| *own >= last);
                 last = own.ok_or_else(|| SceneErrorKind::malformed("offsets that grow", end.to_string()))?;
                 ends.push(start.saturating_add(last));
-            }
-            for point in connectivity.whole(encoding, None, room)? {
+                Ok(())
+            })?;
+            connectivity.whole(from, None, |point| {
                 let own = u32::try_from(point).ok().filter(|own| u64::from(*own) < piece.n_points);
                 let own = own.ok_or(SceneErrorKind::IndexOutOfRange {
                     index: point,
                     n_vertices: usize::try_from(piece.n_points).unwrap_or(usize::MAX),
                 })?;
                 dataset.connectivity.push(first_point.saturating_add(own));
-            }
+                Ok(())
+            })?;
             let n_connected = dataset.connectivity.len() - start;
             if last > n_connected {
                 return Err(SceneErrorKind::Truncated {
@@ -286,10 +285,10 @@ impl<'a> File<'a> {
             dataset.connectivity.truncate(start + last);
             if self.is_grid {
                 let types = types.ok_or_else(|| SceneErrorKind::malformed("an array `types` of cells", "none"))?;
-                let types = types.whole(encoding, Some(n), room)?;
-                dataset
-                    .types
-                    .extend(types.iter().map(|kind| u8::try_from(*kind).unwrap_or(u8::MAX)));
+                types.whole(from, Some(n), |kind| {
+                    dataset.types.push(u8::try_from(kind).unwrap_or(u8::MAX));
+                    Ok(())
+                })?;
                 dataset.ends.append(&mut ends);
             } else {
                 match SECTIONS[place] {
@@ -304,11 +303,38 @@ impl<'a> File<'a> {
         let mut arrays = Vec::new();
         for array in piece.cell_data.into_iter().filter(DataArray::may_name) {
             let name = array.name.clone();
-            if let Some(values) = array.names(encoding, n_cells, room)? {
+            if let Some(values) = array.names(from, n_cells)? {
                 arrays.push(Array { name, values });
             }
         }
         super::xml_array::join(&mut dataset.arrays, arrays, first_cell);
         Ok(())
+    }
+}
+
+/// Returns an error at the line of a place.
+fn error_at(source: &Source<'_>, at: u64, kind: SceneErrorKind) -> SceneError {
+    let before = match source.part(0, at) {
+        Ok(before) => before,
+        Err(error) => return error,
+    };
+    let line = line_after(&String::from_utf8_lossy(&before));
+    SceneError::new(Origin::line(&source.path, line), kind)
+}
+
+/// Returns the error of what is no XML, in an event that begins at a place.
+fn refused(source: &Source<'_>, error: quick_xml::Error, start: u64, at: u64) -> SceneError {
+    match error {
+        quick_xml::Error::Io(error) => source.unreadable(std::io::Error::new(error.kind(), error.to_string())),
+        quick_xml::Error::Encoding(error) => {
+            let text = error.source().and_then(|error| error.downcast_ref::<Utf8Error>());
+            let n_valid = text.map_or(0, Utf8Error::valid_up_to);
+            error_at(source, start + n_valid as u64, SceneErrorKind::NotUtf8)
+        }
+        error => error_at(
+            source,
+            at,
+            SceneErrorKind::malformed("well-formed XML", error.to_string()),
+        ),
     }
 }

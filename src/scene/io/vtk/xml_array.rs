@@ -1,215 +1,69 @@
-//! Arrays of VTK's XML files: text, base64 inside of their element or appended, raw appended, each whole or in blocks that zlib compressed.
+//! Arrays of VTK's XML files: text, base64 inside of their element or appended, raw appended.
 
 use std::io::Read as _;
+use std::ops::Range;
 
-use base64::Engine as _;
-use base64::engine::general_purpose::STANDARD;
-use flate2::read::ZlibDecoder;
 use glam::DVec3;
 
 use super::super::cells::{Array, Values};
-use super::super::scalar::Scalar;
-use super::super::source::Binary;
+use super::super::scalar::{Binary as _, Scalar};
+use super::super::source::Source;
 use super::dataset::Dataset;
+use super::xml_bytes::{self, Encoding};
 use crate::scene::{MAX_COORDINATE, SceneErrorKind};
 
-/// How the arrays of a file are written.
-#[derive(Default)]
-pub(super) struct Encoding<'a> {
-    pub(super) is_little: bool,
-    /// True if headers have 8 bytes a number, else 4.
-    pub(super) has_wide_headers: bool,
-    pub(super) compressor: Option<String>,
-    /// Where appended arrays begin, in order.
-    pub(super) offsets: Vec<usize>,
-    /// The appended data.
-    appended: &'a [u8],
-    is_base64: bool,
-}
-
 /// Where the numbers of an array are.
-pub(super) enum Content<'a> {
-    /// In its element, as text.
-    Ascii(&'a str),
+pub(super) enum Content {
+    /// In its element, as text, which is at a place of the file.
+    Ascii(Range<u64>),
     /// In its element, in base64.
-    Base64(&'a str),
+    Base64(Range<u64>),
     /// Behind the XML, from a place on.
-    Appended(usize),
+    Appended(u64),
 }
 
-impl<'a> Content<'a> {
-    /// Takes note of the text of the element.
-    pub(super) fn write(&mut self, text: &'a str) {
+impl Content {
+    /// Takes note of where the text of the element is.
+    pub(super) fn write(&mut self, place: Range<u64>) {
         match self {
-            Self::Ascii(own) | Self::Base64(own) if own.trim().is_empty() => *own = text,
+            Self::Ascii(own) | Self::Base64(own) if own.is_empty() => *own = place,
             _ => {}
         }
     }
 }
 
 /// An array as its element describes it.
-pub(super) struct DataArray<'a> {
+pub(super) struct DataArray {
     pub(super) name: String,
     kind: Scalar,
     n_components: u64,
-    pub(super) content: Content<'a>,
+    pub(super) content: Content,
 }
 
-/// The numbers of an array, as bytes or as words.
-enum Numbers<'a> {
-    Bytes(Vec<u8>),
-    Words(&'a str),
-}
+/// Bytes of an array that are decoded at once.
+const BLOCK: u64 = 1 << 20;
 
-impl<'a> Encoding<'a> {
-    /// Takes note of what is appended, from `<AppendedData` on.
-    pub(super) fn append(&mut self, bytes: &'a [u8]) {
-        let end = bytes.iter().position(|byte| *byte == b'>').unwrap_or(bytes.len());
-        let (tag, rest) = bytes.split_at(end);
-        self.is_base64 = tag.windows(6).any(|window| window == b"base64");
-        let start = rest
-            .iter()
-            .position(|byte| *byte == b'_')
-            .map_or(rest.len(), |at| at + 1);
-        self.appended = &rest[start..];
-    }
-
-    /// Reads a number of a header.
-    fn header(&self, left: &mut &[u8]) -> Result<u64, SceneErrorKind> {
-        let size = if self.has_wide_headers { 8 } else { 4 };
-        let (own, rest) = left
-            .split_at_checked(size)
-            .ok_or(SceneErrorKind::CutShort { what: "an array" })?;
-        *left = rest;
-        Ok(if self.has_wide_headers {
-            u64::of(own, self.is_little)
-        } else {
-            u32::of(own, self.is_little).into()
-        })
-    }
-
-    /// Returns the bytes of an array; `limit` bounds them where it is known.
-    fn bytes(
-        &self,
-        content: &Content<'a>,
-        limit: u64,
-        room: impl Fn(u64) -> Result<(), SceneErrorKind>,
-    ) -> Result<Vec<u8>, SceneErrorKind> {
-        const WHAT: &str = "an array";
-        let encoded = match content {
-            Content::Ascii(text) | Content::Base64(text) => text.as_bytes(),
-            Content::Appended(offset) => {
-                let next = self
-                    .offsets
-                    .iter()
-                    .find(|next| **next > *offset)
-                    .filter(|_| self.is_base64);
-                let end = next.map_or(self.appended.len(), |next| (*next).min(self.appended.len()));
-                self.appended
-                    .get(*offset..end)
-                    .ok_or(SceneErrorKind::CutShort { what: WHAT })?
-            }
-        };
-        let is_base64 = self.is_base64 || !matches!(content, Content::Appended(_));
-        let decoded;
-        let mut left = if is_base64 {
-            room(encoded.len() as u64 / 4 * 3)?;
-            decoded = decoded_base64(encoded)?;
-            &decoded[..]
-        } else {
-            encoded
-        };
-        let Some(compressor) = &self.compressor else {
-            let n = self.header(&mut left)?;
-            let end = usize::try_from(n).ok().filter(|end| *end <= left.len());
-            let room_left = left.len() as u64;
-            let end = end.ok_or(SceneErrorKind::Truncated {
-                what: "bytes of an array",
-                n,
-                room: room_left,
-            })?;
-            room(n)?;
-            return Ok(left[..end].to_vec());
-        };
-        if compressor != "vtkZLibDataCompressor" {
-            let message = format!("arrays of `{compressor}` are not read; save with zlib or without compression");
-            return Err(SceneErrorKind::unsupported(message));
-        }
-        let n_blocks = self.header(&mut left)?;
-        let [whole, last] = [self.header(&mut left)?, self.header(&mut left)?];
-        let size = if self.has_wide_headers { 8 } else { 4 };
-        let blocks_room = left.len() as u64 / size;
-        if n_blocks > blocks_room {
-            return Err(SceneErrorKind::Truncated {
-                what: "blocks of an array",
-                n: n_blocks,
-                room: blocks_room,
-            });
-        }
-        let sizes = (0..n_blocks)
-            .map(|_| self.header(&mut left))
-            .collect::<Result<Vec<_>, _>>()?;
-        let mut bytes = Vec::new();
-        for (k, n_own) in (1..).zip(&sizes) {
-            let (own, rest) = usize::try_from(*n_own)
-                .ok()
-                .and_then(|n_own| left.split_at_checked(n_own))
-                .ok_or(SceneErrorKind::CutShort { what: WHAT })?;
-            left = rest;
-            let length = if k == n_blocks && last > 0 { last } else { whole };
-            // No more than is stated, nor than is of use, nor than zlib can make of so many bytes.
-            let most = length
-                .min(limit.saturating_sub(bytes.len() as u64))
-                .min((own.len() as u64).saturating_mul(MAX_RATIO));
-            room(most)?;
-            ZlibDecoder::new(own)
-                .take(most)
-                .read_to_end(&mut bytes)
-                .map_err(|_| SceneErrorKind::malformed("data that zlib compressed", "others"))?;
-        }
-        Ok(bytes)
-    }
-}
-
-/// The most bytes that zlib makes of one.
-const MAX_RATIO: u64 = 1032;
-
-/// Returns bytes that are written in base64, in one or more runs that `=` ends.
-fn decoded_base64(text: &[u8]) -> Result<Vec<u8>, SceneErrorKind> {
-    let is_sign = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'+' | b'/' | b'=');
-    let mut left: Vec<u8> = text
-        .iter()
-        .copied()
-        .filter(|byte| !byte.is_ascii_whitespace())
-        .take_while(is_sign)
-        .collect();
-    // What is cut off its last group of four is told by what misses of the array.
-    left.truncate(left.len() / 4 * 4);
-    let mut bytes = Vec::with_capacity(left.len() / 4 * 3);
-    let mut rest = &left[..];
-    while !rest.is_empty() {
-        let first = rest.iter().position(|byte| *byte == b'=').unwrap_or(rest.len());
-        let n_signs = rest[first..].iter().take_while(|byte| **byte == b'=').count();
-        let (run, behind) = rest.split_at(first + n_signs);
-        STANDARD
-            .decode_vec(run, &mut bytes)
-            .map_err(|_| SceneErrorKind::malformed("base64", String::from_utf8_lossy(run)))?;
-        rest = behind;
-    }
-    Ok(bytes)
+/// A number of an array.
+#[derive(Clone, Copy)]
+enum Number<'t> {
+    Word(&'t str),
+    Bytes(&'t [u8]),
 }
 
 /// An attribute of an element, by its name.
 type Attribute<'t> = &'t dyn Fn(&str) -> Option<String>;
 
-impl<'a> DataArray<'a> {
+/// A file, and how its arrays are written.
+type From<'f> = (&'f Source<'f>, &'f Encoding);
+
+impl DataArray {
     /// Begins an array; an error is what was expected, and what was found.
     pub(super) fn begun(attribute: Attribute<'_>) -> Result<Self, (&'static str, String)> {
         let kind = attribute("type").unwrap_or_default();
         let format = attribute("format").unwrap_or_else(|| "ascii".to_owned());
         let content = match &*format {
-            "ascii" => Content::Ascii(""),
-            "binary" => Content::Base64(""),
+            "ascii" => Content::Ascii(0..0),
+            "binary" => Content::Base64(0..0),
             "appended" => {
                 let offset = attribute("offset").unwrap_or_default();
                 Content::Appended(
@@ -230,103 +84,96 @@ impl<'a> DataArray<'a> {
         })
     }
 
+    /// Reads the numbers one after another; `n` is how many are of use, if that is known.
     fn numbers(
         &self,
-        encoding: &Encoding<'a>,
+        (source, encoding): From<'_>,
         n: Option<u64>,
-        room: impl Fn(u64) -> Result<(), SceneErrorKind>,
-    ) -> Result<Numbers<'a>, SceneErrorKind> {
-        if let Content::Ascii(text) = self.content {
-            return Ok(Numbers::Words(text));
+        mut push: impl FnMut(Number<'_>) -> Result<(), SceneErrorKind>,
+    ) -> Result<(), SceneErrorKind> {
+        if let Content::Ascii(place) = &self.content {
+            let mut cursor = source.cursor_over(place.start, place.end);
+            while let Some(word) = cursor.word().map_err(|error| error.kind)? {
+                push(Number::Word(word))?;
+            }
+            return Ok(());
         }
-        let limit = n.map_or(u64::MAX, |n| n.saturating_mul(self.kind.bytes() as u64));
-        encoding.bytes(&self.content, limit, room).map(Numbers::Bytes)
+        let size = self.kind.bytes();
+        let limit = n.map_or(u64::MAX, |n| n.saturating_mul(size as u64));
+        let mut stream = encoding.bytes(source, &self.content, limit)?;
+        let mut block = Vec::new();
+        loop {
+            // A byte becomes at most the place where a cell ends.
+            let room = source.expect_room(size_of::<usize>() as u64 * BLOCK);
+            room.map_err(|error| error.kind)?;
+            block.clear();
+            let read = stream.by_ref().take(BLOCK).read_to_end(&mut block);
+            let n_read = read.map_err(xml_bytes::kind_of)?;
+            block.chunks_exact(size).try_for_each(|own| push(Number::Bytes(own)))?;
+            if (n_read as u64) < BLOCK {
+                return Ok(());
+            }
+        }
     }
 
     /// Adds the coordinates of points.
-    pub(super) fn points(
-        &self,
-        encoding: &Encoding<'a>,
-        n: u64,
-        room: impl Fn(u64) -> Result<(), SceneErrorKind>,
-        dataset: &mut Dataset,
-    ) -> Result<(), SceneErrorKind> {
-        let mut coordinates = Vec::new();
-        let mut push = |x: f64, token: &dyn Fn() -> String| {
+    pub(super) fn points(&self, from: From<'_>, n: u64, dataset: &mut Dataset) -> Result<(), SceneErrorKind> {
+        let is_little = from.1.is_little;
+        let mut point = Vec::with_capacity(3);
+        let mut n_there = 0;
+        self.numbers(from, Some(n), |number| {
+            let x = match (number, self.kind) {
+                (Number::Word(word), _) => word.parse().unwrap_or(f64::NAN),
+                (Number::Bytes(own), Scalar::F32) => f32::of(own, is_little).into(),
+                (Number::Bytes(own), Scalar::F64) => f64::of(own, is_little),
+                (Number::Bytes(own), kind) => kind.whole(own, is_little).unwrap_or(-1) as f64,
+            };
             if x.is_nan() || x.abs() > MAX_COORDINATE {
-                return Err(SceneErrorKind::BadCoordinate { token: token() });
+                let token = match number {
+                    Number::Word(word) => word.to_owned(),
+                    Number::Bytes(_) => x.to_string(),
+                };
+                return Err(SceneErrorKind::BadCoordinate { token });
             }
-            coordinates.push(x);
+            #[expect(clippy::cast_possible_truncation, reason = "it was an f32")]
+            match (number, self.kind) {
+                (Number::Word(word), _) => dataset.written.see_value(word, x),
+                (_, Scalar::F32) => dataset.written.see_single(x as f32),
+                (_, Scalar::F64) => dataset.written.see_binary(x),
+                _ => {}
+            }
+            n_there += 1;
+            point.push(x);
+            if let Ok(position) = point[..].try_into() {
+                point.clear();
+                if n_there <= n {
+                    dataset.points.push(DVec3::from_array(position));
+                }
+            }
             Ok(())
-        };
-        match self.numbers(encoding, Some(n), room)? {
-            Numbers::Words(text) => {
-                for word in text.split_ascii_whitespace() {
-                    let x = word.parse().unwrap_or(f64::NAN);
-                    push(x, &|| word.to_owned())?;
-                    dataset.written.see_value(word, x);
-                }
-            }
-            Numbers::Bytes(bytes) => {
-                for own in bytes.chunks_exact(self.kind.bytes()) {
-                    let x = match self.kind {
-                        Scalar::F32 => f64::from(f32::of(own, encoding.is_little)),
-                        Scalar::F64 => f64::of(own, encoding.is_little),
-                        kind => kind.whole(own, encoding.is_little).unwrap_or(-1) as f64,
-                    };
-                    push(x, &|| x.to_string())?;
-                    #[expect(clippy::cast_possible_truncation, reason = "it was an f32")]
-                    match self.kind {
-                        Scalar::F32 => dataset.written.see_single(x as f32),
-                        Scalar::F64 => dataset.written.see_binary(x),
-                        _ => {}
-                    }
-                }
-            }
-        }
-        if (coordinates.len() as u64) < n {
-            return Err(SceneErrorKind::Truncated {
-                what: "coordinates",
-                n,
-                room: coordinates.len() as u64,
-            });
-        }
-        let n = usize::try_from(n).unwrap_or(usize::MAX);
-        let points = coordinates[..n].as_chunks::<3>().0;
-        dataset
-            .points
-            .extend(points.iter().map(|point| DVec3::from_array(*point)));
-        Ok(())
+        })?;
+        expect_all(n_there, n, "coordinates")
     }
 
-    /// Returns the numbers of an array of whole ones: so many, if that is known, or all.
+    /// Reads whole numbers: so many at least, if that is known.
     pub(super) fn whole(
         &self,
-        encoding: &Encoding<'a>,
+        from: From<'_>,
         n: Option<u64>,
-        room: impl Fn(u64) -> Result<(), SceneErrorKind>,
-    ) -> Result<Vec<i64>, SceneErrorKind> {
-        let values: Vec<i64> = match self.numbers(encoding, n, room)? {
-            Numbers::Words(text) => text
-                .split_ascii_whitespace()
-                .map(|word| {
-                    word.parse()
-                        .map_err(|_| SceneErrorKind::malformed("a whole number", word))
-                })
-                .collect::<Result<_, _>>()?,
-            Numbers::Bytes(bytes) => bytes
-                .chunks_exact(self.kind.bytes())
+        mut push: impl FnMut(i64) -> Result<(), SceneErrorKind>,
+    ) -> Result<(), SceneErrorKind> {
+        let mut n_there = 0;
+        self.numbers(from, n, |number| {
+            n_there += 1;
+            push(match number {
+                Number::Word(word) => word
+                    .parse()
+                    .map_err(|_| SceneErrorKind::malformed("a whole number", word))?,
                 // An index that is no whole number is out of range.
-                .map(|own| self.kind.whole(own, encoding.is_little).unwrap_or(-1))
-                .collect(),
-        };
-        match n {
-            Some(n) if (values.len() as u64) < n => {
-                let (what, n_there) = ("values of an array", values.len() as u64);
-                Err(SceneErrorKind::Truncated { what, n, room: n_there })
-            }
-            _ => Ok(values),
-        }
+                Number::Bytes(own) => self.kind.whole(own, from.1.is_little).unwrap_or(-1),
+            })
+        })?;
+        expect_all(n_there, n.unwrap_or(0), "values of an array")
     }
 
     /// Returns whether its values may name surfaces: whole numbers, or texts, one for each cell.
@@ -335,36 +182,39 @@ impl<'a> DataArray<'a> {
     }
 
     /// Returns the values for cells, if there is one for each.
-    pub(super) fn names(
-        &self,
-        encoding: &Encoding<'a>,
-        n_cells: u64,
-        room: impl Fn(u64) -> Result<(), SceneErrorKind>,
-    ) -> Result<Option<Values>, SceneErrorKind> {
-        let limit = (self.kind != Scalar::Text).then_some(n_cells);
-        let values = if self.kind == Scalar::Text {
-            let bytes = match self.numbers(encoding, limit, room)? {
-                Numbers::Bytes(bytes) => bytes,
+    pub(super) fn names(&self, from: From<'_>, n_cells: u64) -> Result<Option<Values>, SceneErrorKind> {
+        if self.kind != Scalar::Text {
+            let mut values = Vec::new();
+            self.whole(from, Some(n_cells), |value| {
+                values.push(value);
+                Ok(())
+            })?;
+            return Ok((values.len() as u64 == n_cells).then_some(Values::Whole(values)));
+        }
+        let mut bytes: Vec<u8> = Vec::new();
+        self.numbers(from, None, |number| {
+            match number {
                 // The numbers of bytes.
-                Numbers::Words(text) => text
-                    .split_ascii_whitespace()
-                    .filter_map(|word| word.parse().ok())
-                    .collect(),
-            };
-            let texts = bytes.split(|byte| *byte == 0);
-            let mut texts: Vec<String> = texts.map(|text| String::from_utf8_lossy(text).into_owned()).collect();
-            // Each ends in a zero.
-            texts.pop();
-            Values::Text(texts)
-        } else {
-            Values::Whole(self.whole(encoding, limit, room)?)
-        };
-        let n = match &values {
-            Values::Whole(values) => values.len(),
-            Values::Text(values) => values.len(),
-        };
-        Ok((n as u64 == n_cells).then_some(values))
+                Number::Word(word) => bytes.extend(word.parse::<u8>().ok()),
+                Number::Bytes(own) => bytes.extend(own),
+            }
+            Ok(())
+        })?;
+        let texts = bytes.split(|byte| *byte == 0);
+        let mut texts: Vec<String> = texts.map(|text| String::from_utf8_lossy(text).into_owned()).collect();
+        // Each ends in a zero.
+        texts.pop();
+        Ok((texts.len() as u64 == n_cells).then_some(Values::Text(texts)))
     }
+}
+
+/// Refuses an array that has less than it is to have.
+fn expect_all(n_there: u64, n: u64, what: &'static str) -> Result<(), SceneErrorKind> {
+    if n_there < n {
+        let room = n_there;
+        return Err(SceneErrorKind::Truncated { what, n, room });
+    }
+    Ok(())
 }
 
 /// Puts the arrays of a piece behind those of the pieces before it, which have so many cells.
