@@ -79,7 +79,7 @@ struct Found {
 
 impl Found {
     /// Returns both together, `later` being of later rows.
-    fn and(mut self, later: Self) -> Self {
+    fn and(mut self, later: &Self) -> Self {
         self.gain.extend(&later.gain);
         let [sign, exchange, reciprocity, closure, row_sum] = later.worst();
         Self {
@@ -121,10 +121,10 @@ impl Found {
 pub fn form_factors(factors: &FormFactors, claims: Claims<'_>) -> Result<FormFactorAudit, DiskError> {
     let blocks = factors.row_blocks().into_par_iter();
     let blocks: Vec<Found> = blocks.map(|rows| rows_of(factors, claims, rows)).collect();
-    let own = blocks.into_iter().fold(Found::default(), Found::and);
+    let own = blocks.iter().fold(Found::default(), Found::and);
     let of_ranks = factors.gathered(own.worst().map(Worst::numbers).as_flattened().to_vec());
     let of_ranks = of_ranks.as_chunks().0.as_chunks().0.iter().map(Found::of_numbers);
-    let mut all = of_ranks.fold(Found::default(), Found::and);
+    let mut all = of_ranks.fold(Found::default(), |all, found| all.and(&found));
     all.gain = factors.gathered(own.gain);
     let mut audit = Audit::default();
     audit.checks.push(all.sign.check(Law::Sign));

@@ -67,10 +67,9 @@ pub fn sky_factors(
             common: 0.0,
             variance: tally.variance_of(value.unwrap_or(0.0)),
         };
-        let [value, common] = sums[i];
         let mut received = Fraction {
-            value,
-            common,
+            value: sums[i][0],
+            common: sums[i][1],
             variance: 0.0,
         };
         if tally.n_rays > 0 {

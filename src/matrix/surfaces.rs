@@ -155,7 +155,7 @@ impl SurfaceRows<'_> {
         let sums = self.factors.gathered(own.concat());
         let sums: Vec<&[f64]> = sums.chunks_exact(2 * n_surfaces + 1).collect();
         let of_patch = |i: &usize| (*i, sums[patches.partition_point(|other| other < i)]);
-        let row = |own: &Vec<usize>| self.row(&own.iter().map(of_patch).collect::<Vec<_>>());
+        let row = |surface: &Vec<usize>| self.row(&surface.iter().map(of_patch).collect::<Vec<_>>());
         self.patches[some].par_iter().map(row).collect()
     }
 

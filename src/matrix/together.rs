@@ -152,8 +152,11 @@ impl FormFactors {
     }
 
     /// Returns N numbers of each row, of which each rank works out those of its own rows. Collective.
-    pub(crate) fn numbers_of_rows<const N: usize>(&self, of_row: impl Fn(usize) -> [f64; N] + Sync) -> Vec<[f64; N]> {
-        let own: Vec<[f64; N]> = self.own_rows().into_par_iter().map(|i| of_row(i)).collect();
+    pub(crate) fn numbers_of_rows<const N: usize>(
+        &self,
+        of_row: impl Fn(usize) -> [f64; N] + Sync + Send,
+    ) -> Vec<[f64; N]> {
+        let own: Vec<[f64; N]> = self.own_rows().into_par_iter().map(of_row).collect();
         self.gathered(own.into_flattened()).as_chunks().0.to_vec()
     }
 

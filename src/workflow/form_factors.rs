@@ -372,7 +372,7 @@ fn worst_error(factors: &FormFactors) -> f64 {
     let of_row = |i: usize| {
         let mut worst = 0.0_f64;
         factors.for_each_in_row(i, |j, _, error| {
-            worst = worst.max(error * areas[i] / areas[i].min(areas[j]))
+            worst = worst.max(error * areas[i] / areas[i].min(areas[j]));
         });
         [worst]
     };

@@ -195,7 +195,7 @@ pub fn choose_storage(cx: &Context, model: &mut Model, matrix: MatrixDemand) -> 
     let choice = format!("{kind}, {}", choice_text(chosen.choice()));
     model.plan.decide("form factors", choice, reason);
     if cx.ranks.size() > 1 {
-        let beside = memory.total_byte() - memory.matrix_byte;
+        let rest_byte = memory.total_byte() - memory.matrix_byte;
         let parts = if chosen.plan.on_disk {
             "each has all form factors in a scratch file of its own, and"
         } else if demand.by_rows {
@@ -209,7 +209,7 @@ pub fn choose_storage(cx: &Context, model: &mut Model, matrix: MatrixDemand) -> 
             "they share the work of form factors, checks, passes and pictures; {parts} {} of form factors on each, {:.0} % of exchange areas; whole on each are scene, trees and vectors: {}",
             byte_text(memory.matrix_byte),
             100.0 * if chosen.plan.on_disk { 1.0 } else { demand.rank_share() },
-            byte_text(beside)
+            byte_text(rest_byte)
         );
         model.plan.revise("ranks", cx.ranks.size().to_string(), why);
     }

@@ -160,11 +160,11 @@ struct Stored {
 impl Stored {
     /// Returns what is stored of an n by n matrix: on several ranks a part, unless it is on a disk.
     fn new(n: usize, choice: StorageChoice<'_>) -> Self {
-        let ranks = choice.ranks.filter(|_| !choice.place.is_on_disk());
+        let among = choice.ranks.filter(|_| !choice.place.is_on_disk());
         Self {
             n_blocks: block_rows(n).len(),
             layout: choice.layout,
-            own: ranks.map(|among| {
+            own: among.map(|among| {
                 let ranks = among.0;
                 (blocks_of(n, ranks.rank(), ranks.size()), Arc::clone(ranks))
             }),
@@ -270,9 +270,9 @@ impl<T: Scalar> Tiles<T> {
                 .for_each(|(sum, count)| *sum += u64::from_le_bytes(*count));
             sums
         });
-        let narrow = |count| usize::try_from(count).unwrap_or(usize::MAX);
-        tiles.pass_byte = narrow(pass);
-        tiles.of_all = Some([n_nonzero, byte].map(narrow));
+        let [pass, n_nonzero, byte] = [pass, n_nonzero, byte].map(|count| usize::try_from(count).unwrap_or(usize::MAX));
+        tiles.pass_byte = pass;
+        tiles.of_all = Some([n_nonzero, byte]);
         Ok(tiles)
     }
 
@@ -525,7 +525,9 @@ impl<T: Scalar> Backend for Tiles<T> {
                     Some((k, tiles.ok()?))
                 })
                 .collect();
-            made.into_iter().for_each(|(k, tiles)| rows[k] = tiles);
+            for (k, tiles) in made {
+                rows[k] = tiles;
+            }
         }
         Some(Arc::new(Self {
             n: self.n,
