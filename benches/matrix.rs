@@ -95,6 +95,7 @@ fn main() {
                 layout,
                 precision,
                 place,
+                ranks: None,
             },
             pairs,
             |i, j| pattern.has(i, j, one_in),

@@ -77,6 +77,38 @@ struct Found {
     gain: Vec<f64>,
 }
 
+impl Found {
+    /// Returns both together, `later` being of later rows.
+    fn and(mut self, later: &Self) -> Self {
+        self.gain.extend(&later.gain);
+        let [sign, exchange, reciprocity, closure, row_sum] = later.worst();
+        Self {
+            sign: self.sign.and(sign),
+            exchange: self.exchange.and(exchange),
+            reciprocity: self.reciprocity.and(reciprocity),
+            closure: self.closure.and(closure),
+            row_sum: self.row_sum.and(row_sum),
+            gain: self.gain,
+        }
+    }
+
+    fn worst(&self) -> [Worst; 5] {
+        [self.sign, self.exchange, self.reciprocity, self.closure, self.row_sum]
+    }
+
+    fn of_numbers(numbers: &[[f64; Worst::N_NUMBERS]; 5]) -> Self {
+        let [sign, exchange, reciprocity, closure, row_sum] = numbers.map(Worst::of_numbers);
+        Self {
+            sign,
+            exchange,
+            reciprocity,
+            closure,
+            row_sum,
+            gain: Vec::new(),
+        }
+    }
+}
+
 /// Checks signs, bounds, reciprocity and row sums; one pass over F and its transpose.
 ///
 /// Errors are those of the entries, where the method states any, and where rays were counted the deviations of counts. Rounding is
@@ -89,15 +121,11 @@ struct Found {
 pub fn form_factors(factors: &FormFactors, claims: Claims<'_>) -> Result<FormFactorAudit, DiskError> {
     let blocks = factors.row_blocks().into_par_iter();
     let blocks: Vec<Found> = blocks.map(|rows| rows_of(factors, claims, rows)).collect();
-    let mut all = Found::default();
-    for found in blocks {
-        all.sign = all.sign.and(found.sign);
-        all.exchange = all.exchange.and(found.exchange);
-        all.reciprocity = all.reciprocity.and(found.reciprocity);
-        all.closure = all.closure.and(found.closure);
-        all.row_sum = all.row_sum.and(found.row_sum);
-        all.gain.extend(found.gain);
-    }
+    let own = blocks.iter().fold(Found::default(), Found::and);
+    let of_ranks = factors.gathered(own.worst().map(Worst::numbers).as_flattened().to_vec());
+    let of_ranks = of_ranks.as_chunks().0.as_chunks().0.iter().map(Found::of_numbers);
+    let mut all = of_ranks.fold(Found::default(), |all, found| all.and(&found));
+    all.gain = factors.gathered(own.gain);
     let mut audit = Audit::default();
     audit.checks.push(all.sign.check(Law::Sign));
     if factors.is_symmetric() || claims.reciprocity == Reciprocity::Exact || all.reciprocity.n_checked > 0 {
@@ -196,17 +224,18 @@ pub fn doubted_rows(factors: &FormFactors, claims: Claims<'_>) -> Result<Vec<boo
     let is_doubted = |i: usize| {
         let mut row = Sums::default();
         if !claims.closed.row(i) {
-            return false;
+            return [0.0];
         }
         factors.for_each_in_row(i, |_, value, error| row.add(value, error));
         if !claims.errors_known {
-            return (row.value - 1.0).abs() > UNKNOWN;
+            return [f64::from((row.value - 1.0).abs() > UNKNOWN)];
         }
         // Above 1, too, all of a stated error is believed.
-        excess(factors, claims, i, &row).is_some_and(|excess| excess.abs() > row_error(factors, i, &row, claims, false))
+        let is_off = |excess: f64| excess.abs() > row_error(factors, i, &row, claims, false);
+        [f64::from(excess(factors, claims, i, &row).is_some_and(is_off))]
     };
-    let rows = (0..factors.n_rows()).into_par_iter().map(is_doubted).collect();
-    factors.if_readable(rows)
+    let rows = factors.numbers_of_rows(is_doubted).into_iter();
+    factors.if_readable(rows.map(|[doubted]| doubted > 0.0).collect())
 }
 
 /// Returns how far the sum of a row is above 1 less what is known to be lost; `None` where that is not known.

@@ -291,6 +291,55 @@ struct Worst {
 const NOT_WORST: f64 = 1.0 - 1e-14;
 
 impl Worst {
+    /// How many [`numbers`](Self::numbers) there are.
+    const N_NUMBERS: usize = 8;
+
+    /// Returns it as numbers, for other ranks.
+    fn numbers(self) -> [f64; Self::N_NUMBERS] {
+        let At { patch, other, channel } = self.at;
+        let [patch, other, channel] = [patch, other, channel].map(|k| k.map_or(u64::MAX, |k| k as u64));
+        let [n_checked, n_violations, patch, other, channel] =
+            [self.n_checked, self.n_violations, patch, other, channel].map(f64::from_bits);
+        let (ratio, deviation, allowed) = (self.ratio, self.deviation, self.allowed);
+        [
+            n_checked,
+            n_violations,
+            patch,
+            other,
+            channel,
+            ratio,
+            deviation,
+            allowed,
+        ]
+    }
+
+    fn of_numbers(numbers: [f64; Self::N_NUMBERS]) -> Self {
+        let [
+            n_checked,
+            n_violations,
+            patch,
+            other,
+            channel,
+            ratio,
+            deviation,
+            allowed,
+        ] = numbers;
+        let [patch, other, channel] = [patch, other, channel].map(|k| usize::try_from(k.to_bits()).ok());
+        let known = |k: Option<usize>| k.filter(|k| *k != usize::MAX);
+        Self {
+            n_checked: n_checked.to_bits(),
+            n_violations: n_violations.to_bits(),
+            ratio,
+            deviation,
+            allowed,
+            at: At {
+                patch: known(patch),
+                other: known(other),
+                channel: known(channel),
+            },
+        }
+    }
+
     /// Takes in one place; what is not a number breaks every law.
     #[inline]
     fn see(&mut self, deviation: f64, allowed: f64, at: At) {

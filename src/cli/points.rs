@@ -40,6 +40,7 @@ fn work(args: &PointsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let demand = Demand {
         output: args.output.clone(),
         tolerance: Some(args.solver.tolerance),
+        solver: Some(args.solver.solver.clone()),
         ..Demand::default()
     };
     run.expect(&args.storage, demand);

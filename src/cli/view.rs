@@ -14,6 +14,7 @@ pub(super) fn demand(args: &RenderArgs) -> Demand {
     Demand {
         output: Some(args.output.clone()),
         tolerance: Some(args.solver.tolerance),
+        solver: Some(args.solver.solver.clone()),
         ..Demand::default()
     }
 }

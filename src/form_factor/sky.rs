@@ -52,6 +52,14 @@ pub fn sky_factors(
     let n_rays = tallies.iter().map(|tally| tally.n_rays).max().filter(|most| *most > 0);
     let n_rays = n_rays.map(|most| usize::try_from(most).unwrap_or(usize::MAX));
     let backs = back_factors(input, &wanted, n_rays);
+    let sums = factors.numbers_of_rows(|i| {
+        let mut sums = [0.0; 2];
+        factors.for_each_in_row(i, |_, value, error| {
+            sums[0] += value;
+            sums[1] += factors.beyond_noise(i, value, error);
+        });
+        sums
+    });
     let of_row = |i: usize| {
         let tally = &tallies[i];
         let counted = |value: Option<f64>| Fraction {
@@ -59,11 +67,11 @@ pub fn sky_factors(
             common: 0.0,
             variance: tally.variance_of(value.unwrap_or(0.0)),
         };
-        let mut received = Fraction::default();
-        factors.for_each_in_row(i, |_, value, error| {
-            received.value += value;
-            received.common += factors.beyond_noise(i, value, error);
-        });
+        let mut received = Fraction {
+            value: sums[i][0],
+            common: sums[i][1],
+            variance: 0.0,
+        };
         if tally.n_rays > 0 {
             received.variance = tally.variance_of(received.value);
         }

@@ -72,11 +72,23 @@ pub(in crate::matrix) trait Backend: Debug + Send + Sync {
         Err(MatrixError::NotSymmetric)
     }
 
-    /// Returns how many numbers are not zero.
+    /// Returns how many numbers are not zero, those that other ranks store included.
     fn n_nonzero(&self) -> usize;
 
-    /// Returns the bytes of numbers and standard errors in memory or on the disk.
+    /// Returns the bytes of numbers and standard errors in memory or on the disk: those of one process that stores all of them.
     fn stored_byte(&self) -> usize;
+
+    /// Returns the rows of which this rank stores every number; `None` where it stores all rows.
+    ///
+    /// Where it does not, [`for_each`](Self::for_each) visits what it stores of the other rows, and [`apply`](Self::apply) is collective.
+    fn held_rows(&self) -> Option<Range<usize>> {
+        None
+    }
+
+    /// Returns the matrix with all rows; `None` where this is such a one. Collective.
+    fn whole(&self) -> Option<Arc<dyn Backend>> {
+        None
+    }
 
     /// Returns where the numbers are.
     fn place(&self) -> Place<'_> {

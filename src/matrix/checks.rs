@@ -140,7 +140,10 @@ impl FormFactors {
     pub fn checks<'a>(&self, closed: impl Into<Closed<'a>>) -> Checks {
         let closed = closed.into();
         let blocks = self.row_blocks().into_par_iter();
-        let mut checks = blocks.map(|rows| self.check_rows(rows, closed)).reduce(nothing, join);
+        let own = blocks.map(|rows| self.check_rows(rows, closed)).reduce(nothing, join);
+        let of_ranks = self.gathered(own.numbers().to_vec());
+        let of_ranks = of_ranks.as_chunks().0.iter().map(Checks::of_numbers);
+        let mut checks = of_ranks.fold(nothing(), join);
         for tally in self.tallies() {
             checks.n_rays += tally.n_rays;
             checks.n_escaped += tally.n_escaped;
@@ -190,16 +193,42 @@ impl FormFactors {
     #[must_use]
     pub fn row_targets<'a>(&self, closed: impl Into<Closed<'a>>) -> RowTargets {
         let closed = closed.into();
-        let target = |i: usize| match self.lost(i, closed) {
-            Some(lost) if closed.row(i) => ((1.0 - lost).max(0.0), 0.0, 0.0),
-            Some(lost) => (1.0, lost, self.tallies[i].variance_of(lost)),
-            None => (self.row_sum(i).max(0.0), 0.0, 0.0),
-        };
-        let rows: Vec<_> = (0..self.n_rows()).into_par_iter().map(target).collect();
+        let rows = self.numbers_of_rows(|i| match self.lost(i, closed) {
+            Some(lost) if closed.row(i) => [(1.0 - lost).max(0.0), 0.0, 0.0],
+            Some(lost) => [1.0, lost, self.tallies[i].variance_of(lost)],
+            None => [self.row_sum(i).max(0.0), 0.0, 0.0],
+        });
+        let column = |k: usize| rows.iter().map(|row| row[k]).collect();
         RowTargets {
-            sums: rows.iter().map(|row| row.0).collect(),
-            lost: rows.iter().map(|row| row.1).collect(),
-            lost_variance: rows.iter().map(|row| row.2).collect(),
+            sums: column(0),
+            lost: column(1),
+            lost_variance: column(2),
+        }
+    }
+}
+
+impl Checks {
+    /// Returns what rows say, for other ranks.
+    fn numbers(&self) -> [f64; 6] {
+        [
+            self.row_sum.min,
+            self.row_sum.max,
+            self.closure_error_max.unwrap_or(f64::NEG_INFINITY),
+            self.reciprocity_error_max,
+            self.exchange_ratio_max,
+            f64::from_bits(self.n_negative),
+        ]
+    }
+
+    fn of_numbers(numbers: &[f64; 6]) -> Self {
+        let [min, max, closure, reciprocity, exchange, n_negative] = *numbers;
+        Self {
+            row_sum: MinMax { min, max },
+            closure_error_max: (closure.is_nan() || closure >= 0.0).then_some(closure),
+            reciprocity_error_max: reciprocity,
+            exchange_ratio_max: exchange,
+            n_negative: n_negative.to_bits(),
+            ..nothing()
         }
     }
 }

@@ -1,8 +1,11 @@
 //! How form factors are stored: layout, precision and place.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use serde::Serialize;
+
+use crate::ranks::Ranks;
 
 /// The share of non-zero entries from which a tile is stored in full, rows as well as squares. At a half, entries alone take 0.53 of the memory and 0.6 to 0.7 of the time of a pass where they lie in runs,
 /// 0.8 to 1.0 where they do not (three channels: 0.75 to 0.9 and 1.1); in a cache rows take 1.0 to 1.3 times as long, and sweeps by rows of squares take 2.0 to 2.3 times as long
@@ -61,7 +64,24 @@ pub struct StorageChoice<'a> {
     pub precision: Precision,
     /// In memory or on a disk.
     pub place: Place<'a>,
+    /// The ranks that work on the matrix together; `None` for this process alone.
+    pub ranks: Option<Among<'a>>,
 }
+
+/// The ranks that work on a matrix together.
+///
+/// Each works on a range of rows. Of exchange areas in memory a rank stores the tiles that its rows need, at most 2 / K of those of one process on K ranks; rows, and what is on a disk, each rank stores whole.
+/// Functions that read the whole matrix are then collective: each rank calls them in the same order.
+#[derive(Clone, Copy, Debug)]
+pub struct Among<'a>(pub &'a Arc<dyn Ranks>);
+
+impl PartialEq for Among<'_> {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(self.0, other.0)
+    }
+}
+
+impl Eq for Among<'_> {}
 
 /// Where on a disk a matrix is kept, and how much memory may be spent on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,5 +1,8 @@
 //! Connected components: the sets of patches that exchange light after any number of reflections.
 
+use std::ops::Range;
+
+use super::form_factors::FormFactors;
 use super::operator::{Block, Components, LinearOperator, RowAccess};
 use crate::disjoint_sets::DisjointSets;
 
@@ -22,6 +25,11 @@ pub(crate) fn connected(operator: &dyn LinearOperator, rows: &dyn RowAccess) -> 
             }
         });
     }
+    numbered(sets, n)
+}
+
+/// Returns the sets of n patches, numbered in the order of their first members.
+fn numbered(mut sets: DisjointSets, n: usize) -> Components {
     let mut labels = vec![0; n];
     let mut next = 0;
     for i in 0..n {
@@ -33,7 +41,37 @@ pub(crate) fn connected(operator: &dyn LinearOperator, rows: &dyn RowAccess) -> 
             labels[i] = labels[first];
         }
     }
-    Components { labels, n_components }
+    Components {
+        labels,
+        n_components: next as usize,
+    }
+}
+
+impl FormFactors {
+    /// Returns the connected components where this rank stores the rows `held`: those that the rows of each rank make are joined. Collective.
+    pub(super) fn components_of_parts(&self, held: Range<usize>) -> Components {
+        let n = self.n_rows();
+        let n_alone = count_alone(self);
+        let mut sets = DisjointSets::new(n);
+        let mut n_components = n;
+        for i in held {
+            if n_components <= n_alone + 1 {
+                break;
+            }
+            self.for_each_number(i, 0..n, &mut |j, value, _| {
+                if value > 0.0 && sets.join(i, j) {
+                    n_components -= 1;
+                }
+            });
+        }
+        let firsts = (0..n).map(|i| sets.find(i) as f64).collect();
+        let mut all = DisjointSets::new(n);
+        for (k, first) in self.gathered(firsts).into_iter().enumerate() {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a row number")]
+            all.join(k % n, first as usize);
+        }
+        numbered(all, n)
+    }
 }
 
 /// Rows after which all patches that see one another mostly are one component, and what is left are patches that see nothing, such as the underside of a box on the floor: these are worth a pass, which is

@@ -54,7 +54,7 @@ impl FormFactors {
         }
         let area_max = self.areas().iter().copied().fold(0.0, f64::max);
         let mut row = Vec::new();
-        self.entries.for_each(i, i + 1..self.n_rows(), &mut |j, stored, error| {
+        self.for_each_number(i, i + 1..self.n_rows(), &mut |j, stored, error| {
             row.push((index(j), undivided(stored, area_max), error * area_max));
         });
         Some(row)
@@ -133,6 +133,7 @@ mod tests {
                 layout: Layout::Auto,
                 precision,
                 place: Place::default(),
+                ranks: None,
             };
             let first = FormFactors::from_exchange_tiles(areas.clone(), [upper.clone()], storage).unwrap();
             let mut again = RowTile::new(0);

@@ -4,13 +4,14 @@ use std::sync::Arc;
 
 use super::backend::Backend;
 use super::bounds::Open;
-use super::choice::{Layout, Place, Precision, Scratch, StorageChoice};
+use super::choice::{Among, Layout, Place, Precision, Scratch, StorageChoice};
 use super::error::{DiskError, MatrixError};
 use super::kernel::sizes::{SIDE, block_rows};
 use super::regroup::Regrouped;
 use super::rows::Rows;
 use super::symmetric::row_factors;
 use super::tile::{RowTally, RowTile};
+use super::together::Together;
 use super::{disk, symmetric};
 
 /// The form factors F_ij of n patches, the standard errors of their estimates, and the tallies of the rays that they come from.
@@ -24,6 +25,8 @@ use super::{disk, symmetric};
 /// With [`Place::Disk`] the entries lie in a scratch file, which goes when the last clone does, and everything else works as before: a pass
 /// reads the file once, what goes row by row keeps 64 rows a thread. Where the file cannot be read, or is not what was written, numbers are
 /// NaN from then on, and [`failure`](Self::failure) tells why.
+///
+/// With [`StorageChoice::ranks`] several ranks work on the rows, and each stores a part of exchange areas in memory. A row is read on the rank that stores it; products, sums, checks and repairs are collective.
 #[doc(alias = "view factor")]
 #[derive(Clone, Debug)]
 pub struct FormFactors {
@@ -34,6 +37,8 @@ pub struct FormFactors {
     precision: Precision,
     /// The error of entries that are not stored; `None` if these are 0 for certain.
     pub(super) open: Option<Open>,
+    /// The ranks that work on the rows; `None` for this process alone.
+    pub(super) together: Option<Arc<Together>>,
 }
 
 impl FormFactors {
@@ -141,6 +146,7 @@ impl FormFactors {
             layout: storage.layout,
             precision: storage.precision,
             open: None,
+            together: storage.ranks.map(|among| Arc::new(Together::new(among.0))),
         }
     }
 
@@ -169,6 +175,7 @@ impl FormFactors {
             layout: self.layout,
             precision: self.precision,
             place: self.entries.place(),
+            ranks: self.together.as_ref().map(|together| Among(&together.ranks)),
         }
     }
 
@@ -218,7 +225,7 @@ impl FormFactors {
         assert!(i < self.n_rows() && j < self.n_rows(), "a place inside the matrix");
         let mut found = None;
         let factor = self.row_factor(i);
-        self.entries.for_each(i, j..j + 1, &mut |_, value, std_error| {
+        self.for_each_number(i, j..j + 1, &mut |_, value, std_error| {
             found = Some((factor * value, factor * std_error));
         });
         found
@@ -233,7 +240,7 @@ impl FormFactors {
     pub fn for_each_in_row(&self, i: usize, mut visit: impl FnMut(usize, f64, f64)) {
         let factor = self.row_factor(i);
         let visit_scaled = &mut |j, value, std_error| visit(j, factor * value, factor * std_error);
-        self.entries.for_each(i, 0..self.n_rows(), visit_scaled);
+        self.for_each_number(i, 0..self.n_rows(), visit_scaled);
     }
 
     /// Returns Σ_j F_ij.
@@ -251,7 +258,7 @@ impl FormFactors {
     /// Returns Σ_j F_ij of every row.
     #[must_use]
     pub fn row_sums(&self) -> Vec<f64> {
-        (0..self.n_rows()).map(|i| self.row_sum(i)).collect()
+        self.numbers_of_rows(|i| [self.row_sum(i)]).into_flattened()
     }
 
     /// Returns the share of entries that are not zero.
@@ -260,13 +267,13 @@ impl FormFactors {
         self.entries.n_nonzero() as f64 / (self.n_rows() as f64).powi(2)
     }
 
-    /// Returns the bytes that entries and standard errors take, in memory or on the disk.
+    /// Returns the bytes that entries and standard errors take, in memory or on the disk, where one process stores all of them.
     #[must_use]
     pub fn stored_byte(&self) -> usize {
         self.entries.stored_byte()
     }
 
-    fn row_factor(&self, i: usize) -> f64 {
+    pub(super) fn row_factor(&self, i: usize) -> f64 {
         self.entries.row_factors().map_or(1.0, |factors| factors[i])
     }
 }

@@ -25,10 +25,11 @@ mod square;
 mod surfaces;
 mod symmetric;
 mod tile;
+mod together;
 mod transpose;
 
 pub use checks::{Checks, Closed, MinMax, RowTargets};
-pub use choice::{Layout, Place, Precision, Scratch, StorageChoice};
+pub use choice::{Among, Layout, Place, Precision, Scratch, StorageChoice};
 pub use error::{DiskError, MatrixError};
 pub use form_factors::FormFactors;
 pub use repair::{BalanceReport, Need, RepairKind, Sampling, Weighting};

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::error::DiskError;
+use crate::threads;
 
 /// n rows by c channels of f64, row-major: the channel runs fastest.
 #[derive(Clone, Debug, PartialEq)]
@@ -135,6 +136,17 @@ pub trait LinearOperator: Sync {
 
     /// Returns access by rows, for solvers that need it, or `None` where rows cannot be had cheaply.
     fn rows(&self) -> Option<&dyn RowAccess>;
+
+    /// Returns what `of_row` makes of each row, in the order of rows; ranks that store parts share them. `None` where there are no rows.
+    fn of_rows(&self, of_row: &(dyn Fn(&dyn RowAccess, usize) -> Vec<f64> + Sync)) -> Option<Vec<f64>> {
+        let (rows, n) = (self.rows()?, self.n_rows());
+        Some(threads::map(threads::pay(n * n), n, |i| of_row(rows, i)).concat())
+    }
+
+    /// Returns whether [`rows`](Self::rows) returns any, without the work that this takes.
+    fn has_rows(&self) -> bool {
+        self.rows().is_some()
+    }
 
     /// Returns the A_i for which A_i F_ij is exactly symmetric, or `None` if reciprocity does not hold.
     fn reciprocal_areas(&self) -> Option<&[f64]>;

@@ -4,6 +4,7 @@ use super::components;
 use super::error::DiskError;
 use super::form_factors::FormFactors;
 use super::operator::{Block, Components, LinearOperator, RowAccess};
+use crate::threads;
 
 /// The bytes of a matrix from which ranks share a pass: below, it takes no longer than the messages.
 const SHARED_BYTE: usize = 32 << 20;
@@ -29,20 +30,31 @@ impl LinearOperator for FormFactors {
             y.n_rows() == self.n_rows() && y.n_channels() == x.n_channels(),
             "y has the shape of x"
         );
-        self.entries.apply(x, y);
+        match &self.together {
+            // Where each rank stores a part, a pass of all is what it does.
+            Some(together) if self.entries.held_rows().is_none() && self.entries.pass_byte() >= SHARED_BYTE => {
+                let ranks = &together.ranks;
+                let share = self.entries.share_of_pass(x, ranks.rank(), ranks.size());
+                self.entries.end_pass(&ranks.all_gather_numbers(&share), y);
+            }
+            _ => self.entries.apply(x, y),
+        }
     }
 
-    fn share_of_pass(&self, x: &Block, rank: usize, n_ranks: usize) -> Option<Vec<f64>> {
-        let is_worth_it = self.entries.pass_byte() >= SHARED_BYTE;
-        is_worth_it.then(|| self.entries.share_of_pass(x, rank, n_ranks))
-    }
-
-    fn end_pass(&self, shares: &[f64], y: &mut Block) {
-        self.entries.end_pass(shares, y);
-    }
-
+    /// Returns access by rows; gathers them where ranks store parts.
     fn rows(&self) -> Option<&dyn RowAccess> {
+        self.gather_rows();
         Some(self)
+    }
+
+    fn of_rows(&self, of_row: &(dyn Fn(&dyn RowAccess, usize) -> Vec<f64> + Sync)) -> Option<Vec<f64>> {
+        let (own, n) = (self.own_rows(), self.n_rows());
+        let numbers = threads::map(threads::pay(n * n), own.len(), |k| of_row(self, own.start + k));
+        Some(self.gathered(numbers.concat()))
+    }
+
+    fn has_rows(&self) -> bool {
+        true
     }
 
     fn reciprocal_areas(&self) -> Option<&[f64]> {
@@ -50,7 +62,10 @@ impl LinearOperator for FormFactors {
     }
 
     fn components(&self) -> Option<Components> {
-        Some(components::connected(self, self))
+        Some(match self.held_rows() {
+            Some(held) => self.components_of_parts(held),
+            None => components::connected(self, self),
+        })
     }
 
     fn failure(&self) -> Option<&DiskError> {
@@ -66,7 +81,7 @@ impl RowAccess for FormFactors {
     #[track_caller]
     fn add_row(&self, i: usize, factor: f64, sum: &mut [f64]) -> usize {
         assert_eq!(sum.len(), self.n_rows(), "one sum per column");
-        self.entries.add_row(i, factor, sum)
+        self.by_rows().add_row(i, factor, sum)
     }
 
     #[track_caller]
@@ -75,7 +90,7 @@ impl RowAccess for FormFactors {
             x.n_rows() == self.n_rows() && x.n_channels() == sum.len(),
             "x has one row per patch, and sum one entry per channel"
         );
-        self.entries.dot_off_diagonal(i, x, sum)
+        self.by_rows().dot_off_diagonal(i, x, sum)
     }
 }
 

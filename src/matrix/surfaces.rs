@@ -1,5 +1,7 @@
 //! Form factors between surfaces, from those between their patches.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::form_factors::FormFactors;
@@ -7,6 +9,9 @@ use super::tile::laplace;
 
 /// Surfaces whose rows are calculated at the same time.
 const AT_ONCE: usize = 256;
+
+/// Numbers of their patches that ranks exchange for that, but for those of a single surface.
+const NUMBERS_AT_ONCE: usize = 1 << 24;
 
 /// Form factors between surfaces: the fraction of the light leaving S, equally bright all over, that reaches T.
 #[derive(Clone, Debug, PartialEq)]
@@ -101,49 +106,87 @@ impl FormFactors {
 }
 
 impl SurfaceRows<'_> {
-    /// Returns the rows of all surfaces in order, each when it is due.
+    /// Returns the rows of all surfaces in order, each when it is due. Collective.
     pub fn iter(&self) -> impl Iterator<Item = SurfaceRow> {
-        self.patches.chunks(AT_ONCE).flat_map(|some| {
-            let rows = some.par_iter().map(|patches| self.row(patches));
-            rows.collect::<Vec<_>>()
+        let mut next = 0;
+        std::iter::from_fn(move || {
+            let some = self.some_from(next);
+            next = some.end;
+            (!some.is_empty()).then_some(some)
         })
+        .flat_map(|some| self.rows(some))
     }
 
-    /// Returns 1 − Σ_T F_ST of every surface S: far less work than the rows.
+    /// Returns the surfaces from `first` on whose rows are calculated together.
+    fn some_from(&self, first: usize) -> Range<usize> {
+        let n = self.patches.len();
+        let mut n_numbers = 0;
+        let fits = |surface: &usize| {
+            n_numbers += (2 * n + 1) * self.patches[*surface].len();
+            n_numbers <= NUMBERS_AT_ONCE || *surface == first
+        };
+        first..first + (first..n.min(first + AT_ONCE)).take_while(fits).count()
+    }
+
+    /// Returns 1 − Σ_T F_ST of every surface S: far less work than the rows. Collective.
     #[must_use]
     pub fn lost_factors(&self) -> Vec<f64> {
-        self.patches
-            .par_iter()
-            .map(|patches| self.lost_factor(patches))
-            .collect()
+        let row_sums = self.factors.row_sums();
+        let lost = |patches: &Vec<usize>| self.lost_factor(patches.iter().map(|&i| (i, row_sums[i])));
+        self.patches.iter().map(lost).collect()
     }
 
-    fn lost_factor(&self, patches: &[usize]) -> f64 {
+    /// Returns 1 − Σ_T F_ST of a surface from its patches and their row sums.
+    fn lost_factor(&self, patches: impl Iterator<Item = (usize, f64)> + Clone) -> f64 {
         let area = |i: usize| self.factors.areas[i];
-        let whole: f64 = patches.iter().map(|&i| area(i)).sum();
-        let lost = |&i: &usize| area(i) / whole * (1.0 - self.factors.row_sum(i));
-        patches.iter().map(lost).sum()
+        let whole: f64 = patches.clone().map(|(i, _)| area(i)).sum();
+        patches.map(|(i, sum)| area(i) / whole * (1.0 - sum)).sum()
     }
 
-    fn row(&self, patches: &[usize]) -> SurfaceRow {
+    /// Returns the rows of some surfaces, each rank giving the sums of its own patches.
+    fn rows(&self, some: Range<usize>) -> Vec<SurfaceRow> {
+        let n_surfaces = self.patches.len();
+        let mut patches: Vec<usize> = self.patches[some.clone()].concat();
+        patches.sort_unstable();
+        let of_rank = self.factors.own_rows();
+        let own: Vec<usize> = patches.iter().copied().filter(|i| of_rank.contains(i)).collect();
+        let own: Vec<Vec<f64>> = own.par_iter().map(|&i| self.sums_of_patch(i)).collect();
+        // Ranks have rows in order, and so the patches come in order.
+        let sums = self.factors.gathered(own.concat());
+        let sums: Vec<&[f64]> = sums.chunks_exact(2 * n_surfaces + 1).collect();
+        let of_patch = |i: &usize| (*i, sums[patches.partition_point(|other| other < i)]);
+        let row = |surface: &Vec<usize>| self.row(&surface.iter().map(of_patch).collect::<Vec<_>>());
+        self.patches[some].par_iter().map(row).collect()
+    }
+
+    /// Returns the sums of a patch's form factors to each surface, of their errors, and of all form factors.
+    fn sums_of_patch(&self, i: usize) -> Vec<f64> {
         let (factors, n_surfaces) = (self.factors, self.patches.len());
-        let area: f64 = patches.iter().map(|&i| factors.areas[i]).sum();
+        let mut numbers = vec![0.0; 2 * n_surfaces + 1];
+        let (sums, errors) = numbers.split_at_mut(n_surfaces);
+        let n_rays = factors.tallies[i].effective_rays().filter(|_| !factors.is_symmetric());
+        factors.for_each_in_row(i, |j, value, std_error| {
+            let to = self.patch_surface[j] as usize;
+            sums[to] += value;
+            errors[n_surfaces] += value;
+            errors[to] += match n_rays {
+                None => std_error,
+                Some(_) => factors.beyond_noise(i, value, std_error),
+            };
+        });
+        numbers
+    }
+
+    /// Returns the row of a surface from its patches and their sums.
+    fn row(&self, patches: &[(usize, &[f64])]) -> SurfaceRow {
+        let (factors, n_surfaces) = (self.factors, self.patches.len());
+        let area: f64 = patches.iter().map(|&(i, _)| factors.areas[i]).sum();
         let mut form_factor = vec![0.0; n_surfaces];
         let mut variance = vec![0.0; n_surfaces];
         let mut common = vec![0.0; n_surfaces];
-        let (mut sums, mut errors) = (vec![0.0; n_surfaces], vec![0.0; n_surfaces]);
-        for &i in patches {
-            sums.fill(0.0);
-            errors.fill(0.0);
+        for &(i, numbers) in patches {
+            let (sums, errors) = numbers.split_at(n_surfaces);
             let n_rays = factors.tallies[i].effective_rays().filter(|_| !factors.is_symmetric());
-            factors.for_each_in_row(i, |j, value, std_error| {
-                let to = self.patch_surface[j] as usize;
-                sums[to] += value;
-                errors[to] += match n_rays {
-                    None => std_error,
-                    Some(_) => factors.beyond_noise(i, value, std_error),
-                };
-            });
             let weight = factors.areas[i] / area;
             // No count proves that there is nothing, whatever became of the counts afterwards: where errors are added up, what no ray hit is one more cell.
             let counted = factors.tallies[i].effective_rays();
@@ -162,7 +205,7 @@ impl SurfaceRows<'_> {
             area,
             form_factor,
             error,
-            lost_factor: self.lost_factor(patches),
+            lost_factor: self.lost_factor(patches.iter().map(|&(i, numbers)| (i, numbers[2 * n_surfaces]))),
         }
     }
 }

@@ -24,16 +24,16 @@ pub(crate) struct Pair {
 }
 
 impl FormFactors {
-    /// Returns the row ranges in which the transpose is best asked for.
+    /// Returns the ranges of this rank's rows in which the transpose is best asked for.
     pub(crate) fn row_blocks(&self) -> Vec<Range<usize>> {
-        let n = self.n_rows();
+        let own = self.own_rows();
         // On a disk, rows are best read together with those of their tiles.
         let n_together = match self.storage().place {
             Place::Memory { .. } => self.rows_of_block(),
             Place::Disk(_) => SIDE,
         };
-        let starts = (0..n).step_by(n_together);
-        starts.map(|start| start..n.min(start + n_together)).collect()
+        let starts = own.clone().step_by(n_together);
+        starts.map(|start| start..own.end.min(start + n_together)).collect()
     }
 
     fn rows_of_block(&self) -> usize {
@@ -59,7 +59,7 @@ impl FormFactors {
         let others = first_column..self.n_rows();
         if let Some(row_factors) = self.entries.row_factors() {
             for i in rows {
-                self.entries.for_each(i, others.clone(), &mut |j, value, std_error| {
+                self.for_each_number(i, others.clone(), &mut |j, value, std_error| {
                     let scaled = |factor: f64| (factor * value, factor * std_error);
                     let (there, back) = (scaled(row_factors[i]), scaled(row_factors[j]));
                     visit(i, j, Pair { there, back });

@@ -9,6 +9,8 @@ use super::whole;
 use crate::matrix::{Layout, Precision};
 use crate::mesh::Mesh;
 use crate::parameter::{Named, Parameter, plainly};
+use crate::setting::ticked;
+use crate::solver::registry::SOLVERS;
 
 /// The facts before form factors are computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,6 +39,25 @@ pub struct StorageDemand {
     pub accuracy: Option<Accuracy>,
     /// The limit of memory.
     pub limit_byte: u64,
+    /// K, the number of ranks that share the work: each stores the tiles of exchange areas in memory that its rows need, and rows whole.
+    pub n_ranks: usize,
+    /// The solver, if it goes through the rows one after the other: then each rank gathers all of them.
+    pub rows_for: Option<&'static str>,
+}
+
+impl StorageDemand {
+    /// Returns the share of the tiles on and above the diagonal that a rank stores at most: those in its rows or its columns.
+    #[must_use]
+    pub fn rank_share(&self) -> f64 {
+        let n_blocks = (self.n_patches as f64 / SIDE).ceil().max(1.0);
+        let own = (n_blocks / self.n_ranks.max(1) as f64).ceil();
+        own * (2.0 * n_blocks + 1.0 - own) / (n_blocks * (n_blocks + 1.0))
+    }
+
+    /// Returns the solver for which each of several ranks gathers all rows.
+    fn gathered_for(&self) -> Option<&'static str> {
+        self.rows_for.filter(|_| self.n_ranks > 1)
+    }
 }
 
 /// The facts that decide whether 24 bits of each form factor suffice.
@@ -128,6 +149,17 @@ pub enum StorageError {
         /// The limit.
         limit_byte: u64,
     },
+    /// The solver needs all rows on each rank, and they do not fit.
+    NotOnEachRank {
+        /// n.
+        n_patches: usize,
+        /// The solver.
+        solver: &'static str,
+        /// The memory needed on each rank.
+        needed_byte: u64,
+        /// The limit.
+        limit_byte: u64,
+    },
 }
 
 impl std::error::Error for StorageError {}
@@ -165,6 +197,24 @@ impl StorageError {
                 byte_text(*limit_byte),
                 named(Parameter::Storage, Some("auto"))
             ),
+            Self::NotOnEachRank {
+                n_patches,
+                solver,
+                needed_byte,
+                limit_byte,
+            } => {
+                let others = SOLVERS
+                    .iter()
+                    .filter(|entry| !entry.goes_by_rows)
+                    .map(|entry| entry.name);
+                format!(
+                    "`{solver}` goes by rows, and all form factors of {n_patches} patches need {} of memory on each rank, above the limit of {}; use {}, or {}",
+                    byte_text(*needed_byte),
+                    byte_text(*limit_byte),
+                    ticked(others),
+                    named(Parameter::Storage, Some("disk"))
+                )
+            }
         }
     }
 }
@@ -192,7 +242,7 @@ const SIDE: f64 = 64.0;
 /// Accuracy: an upper bound but for the allocator's own losses, as far as the density is one.
 ///
 /// # Errors
-/// [`StorageError::TooSmall`], [`StorageError::NotInMemory`].
+/// [`StorageError::TooSmall`], [`StorageError::NotInMemory`], [`StorageError::NotOnEachRank`].
 pub fn plan_storage(demand: &StorageDemand, wish: StorageWish) -> Result<StoragePlan, StorageError> {
     let wide = wish.precision.unwrap_or(Precision::F64);
     let narrow_suffices = wish.precision.is_none()
@@ -234,6 +284,19 @@ pub fn plan_storage(demand: &StorageDemand, wish: StorageWish) -> Result<Storage
                 byte_text(narrow.memory.total_byte())
             );
             return said(narrow, reason);
+        }
+        let in_parts = StorageDemand {
+            rows_for: None,
+            ..*demand
+        };
+        let fits_in_parts = estimate(&in_parts, wish.layout, wide, false).total_byte() <= demand.limit_byte;
+        if let Some(solver) = demand.gathered_for().filter(|_| fits_in_parts) {
+            return Err(StorageError::NotOnEachRank {
+                n_patches: demand.n_patches,
+                solver,
+                needed_byte: needed,
+                limit_byte: demand.limit_byte,
+            });
         }
         if wish.on_disk == Some(false) {
             return Err(StorageError::NotInMemory {
@@ -290,7 +353,8 @@ fn estimate(demand: &StorageDemand, layout: Layout, precision: Precision, on_dis
     let matrix = if on_disk {
         slot * n_tiles * (n_rows + 0.5 * n_upper)
     } else {
-        n_rows * rows + n_upper * upper + 112.0 * n_tiles
+        let gathered = if demand.gathered_for().is_some() { 1.0 } else { 0.0 };
+        n_rows * rows + (n_upper * demand.rank_share() + gathered) * upper + 112.0 * n_tiles
     };
     // 64 rows on their way take 24 to 32 bytes an entry more while they are cut into tiles. At least 16 rows a thread wait.
     let in_work = SIDE * n * demand.density.min(1.0);
@@ -375,7 +439,49 @@ mod tests {
                 tolerance: 2e-6,
             }),
             limit_byte: 16 * GIB,
+            n_ranks: 1,
+            rows_for: None,
         }
+    }
+
+    #[test]
+    fn ranks_store_parts_unless_the_solver_goes_by_rows() {
+        let matrix = |n_ranks, rows_for| {
+            let demand = StorageDemand {
+                n_ranks,
+                rows_for,
+                ..demand()
+            };
+            plan_storage(&demand, StorageWish::default())
+                .unwrap()
+                .memory
+                .matrix_byte as f64
+        };
+        let alone = matrix(1, Some("sor"));
+        for n_ranks in [2, 3, 4, 8] {
+            let k = n_ranks as f64;
+            let share = matrix(n_ranks, None) / alone;
+            assert!(
+                share <= 2.0 / k && share >= (2.0 / k - 1.0 / (k * k)) * 0.99,
+                "{n_ranks}: {share}"
+            );
+            assert!(matrix(n_ranks, Some("sor")) > alone * (0.99 + share));
+        }
+        let tight = StorageDemand {
+            n_ranks: 4,
+            limit_byte: 2 * GIB,
+            ..demand()
+        };
+        assert!(plan_storage(&tight, StorageWish::default()).is_ok());
+        let by_rows = StorageDemand {
+            rows_for: Some("sor"),
+            ..tight
+        };
+        let text = plan_storage(&by_rows, StorageWish::default()).unwrap_err().to_string();
+        assert!(
+            text.contains("`sor`") && text.contains("GB") && text.contains("`pcg`") && !text.contains("`direct`"),
+            "{text}"
+        );
     }
 
     fn chosen(demand: StorageDemand) -> (Precision, bool) {

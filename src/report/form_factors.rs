@@ -141,11 +141,16 @@ impl FormFactorReport<'_> {
     pub fn write(&self, path: &Path) -> Result<(), ReportError> {
         assert_eq!(self.mesh.n_patches(), self.factors.n_rows(), "one row per patch");
         let factors = self.factors;
+        let format = Format::of(path)?;
+        let counts = match format {
+            Format::Npz if !self.dense => self.row_counts(),
+            _ => Vec::new(),
+        };
         // What could not be read must not be written: the file goes as if it had never been begun.
         let readable = || factors.if_readable(()).map_err(io::Error::other);
-        let written = match Format::of(path)? {
+        let write = || match format {
             Format::Npz => whole_file::write(path, |writer| {
-                self.write_npz(writer)?;
+                self.write_npz(writer, &counts)?;
                 readable()
             }),
             Format::Npy => self.write_npy(path),
@@ -181,6 +186,8 @@ impl FormFactorReport<'_> {
                 readable()
             }),
         };
+        // The first rank writes the rows of all.
+        let written = factors.by_first(write).unwrap_or(Ok(()));
         written.map_err(|source| match factors.failure() {
             Some(error) => ReportError::Scratch {
                 path: path.to_owned(),
@@ -286,13 +293,13 @@ impl FormFactorReport<'_> {
         }
     }
 
-    fn write_npz<W: Write + io::Seek>(&self, writer: W) -> io::Result<()> {
+    fn write_npz<W: Write + io::Seek>(&self, writer: W, counts: &[[usize; 2]]) -> io::Result<()> {
         let mut npz = NpzWriter::new(BufWriter::with_capacity(1 << 20, writer));
         npz.text("meta", &self.description().to_json())?;
         if self.dense {
             self.add_dense(&mut npz)?;
         } else {
-            self.add_sparse(&mut npz)?;
+            self.add_sparse(&mut npz, counts)?;
         }
         let n = self.factors.n_rows();
         npz.numbers("area_m2", &[n], self.factors.areas())?;
@@ -357,28 +364,27 @@ impl FormFactorReport<'_> {
         Ok(())
     }
 
-    /// Returns whether sparse rows list entries that no ray hit.
-    fn lists_open(&self) -> bool {
-        let counts = (0..self.factors.n_rows()).into_par_iter().map(|i| {
-            let mut n_stored = 0;
+    /// Returns for each row how many entries are stored, and how many more no ray hit. Collective.
+    fn row_counts(&self) -> Vec<[usize; 2]> {
+        let counts = self.factors.numbers_of_rows(|i| {
+            let mut n_stored: u64 = 0;
             self.factors.for_each_in_row(i, |_, _, _| n_stored += 1);
-            (n_stored, self.factors.n_open(i))
+            [n_stored, self.factors.n_open(i) as u64].map(f64::from_bits)
         });
-        let (n_stored, n_open) = counts.reduce(|| (0, 0), |a, b| (a.0 + b.0, a.1 + b.1));
-        n_open <= MAX_OPEN * n_stored
+        let narrow = |count: f64| usize::try_from(count.to_bits()).unwrap_or(usize::MAX);
+        counts.into_iter().map(|counts| counts.map(narrow)).collect()
     }
 
-    /// Adds compressed sparse rows as `scipy.sparse.save_npz` does, and the errors of the same entries.
-    fn add_sparse<W: Write + io::Seek>(&self, npz: &mut NpzWriter<W>) -> io::Result<()> {
+    /// Adds compressed sparse rows as `scipy.sparse.save_npz` does, and the errors of the same entries; `counts`: [`row_counts`](Self::row_counts).
+    fn add_sparse<W: Write + io::Seek>(&self, npz: &mut NpzWriter<W>, counts: &[[usize; 2]]) -> io::Result<()> {
         let n = self.factors.n_rows();
-        let lists_open = self.lists_open();
+        let total = |k: usize| counts.iter().map(|of_row| of_row[k]).sum::<usize>();
+        let lists_open = total(1) <= MAX_OPEN * total(0);
         let mut begins = vec![0_i64];
         let mut n_entries = 0_i64;
-        for i in 0..n {
-            self.factors.for_each_in_row(i, |_, _, _| n_entries += 1);
-            if lists_open {
-                n_entries += i64::try_from(self.factors.n_open(i)).unwrap_or(i64::MAX);
-            }
+        for [n_stored, n_open] in counts {
+            let n_listed = if lists_open { n_stored + n_open } else { *n_stored };
+            n_entries += i64::try_from(n_listed).unwrap_or(i64::MAX);
             begins.push(n_entries);
         }
         let size = n_entries.unsigned_abs();

@@ -233,6 +233,17 @@ impl Archive {
         Ok(Some(bytes))
     }
 
+    /// Returns the checksums of all members.
+    pub(super) fn checksums(&mut self) -> Result<Vec<u8>, ReportError> {
+        let mut bytes = Vec::new();
+        for k in 0..self.zip.len() {
+            let member = self.zip.by_index_raw(k);
+            let member = member.map_err(|error| ReportError::damaged(&self.path, error.to_string()))?;
+            bytes.extend(member.crc32().to_le_bytes());
+        }
+        Ok(bytes)
+    }
+
     /// Opens a member on a file handle of its own, so that several can be read side by side.
     fn member(&mut self, name: &str) -> Result<Member, ReportError> {
         let damaged = |reason: String| member_error(&self.path, name, reason);

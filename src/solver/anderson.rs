@@ -57,6 +57,7 @@ pub(super) const ENTRY: SolverEntry = SolverEntry {
     settings: &[DEPTH.or(Value::Count(8))],
     symmetry: |_| Symmetry::Unused,
     uses_hierarchy: false,
+    goes_by_rows: false,
     make: |s| {
         let depth = s.values.get(&DEPTH)?.size()?;
         Some(Box::new(Anderson { depth }))

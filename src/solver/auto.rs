@@ -66,6 +66,7 @@ pub(super) const ENTRY: SolverEntry = SolverEntry {
     settings: &[RESTARTED, DEFLATED],
     symmetry: |_| Symmetry::Helps,
     uses_hierarchy: false,
+    goes_by_rows: false,
     make: |s| {
         Some(Box::new(Auto {
             pcg: Pcg::with(s)?,
@@ -98,8 +99,7 @@ impl Auto {
     /// Returns the solver for a system, and why.
     #[must_use]
     pub fn choose(&self, system: &RadiositySystem, options: &SolveOptions) -> (Box<dyn Solver>, ChoiceReason) {
-        let has_rows = system.operator().rows().is_some();
-        if system.n_patches() == 1 && has_rows {
+        if system.n_patches() == 1 && system.operator().has_rows() {
             return (Box::new(GaussSeidel), ChoiceReason::OnePatch);
         }
         let (low, high) = spectral_radius_bounds(system);
@@ -135,7 +135,7 @@ impl Auto {
     fn direct_pays(&self, system: &RadiositySystem, digits: f64, spectral_radius: f64) -> Option<ChoiceReason> {
         let n = system.n_patches();
         let groups = equal_channels(system.reflectance()).len();
-        let fits = memory_byte(n, groups) <= self.direct.memory_limit_byte && system.operator().rows().is_some();
+        let fits = memory_byte(n, groups) <= self.direct.memory_limit_byte && system.operator().has_rows();
         let ratio = if system.operator().reciprocal_areas().is_some() {
             LU_RATIO_SYMMETRIC
         } else {

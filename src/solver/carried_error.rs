@@ -176,7 +176,7 @@ pub(crate) fn irradiance_error(
         let places = blocks[k].clone().flat_map(|i| (0..n_channels).map(move |c| (i, c)));
         places.map(source).collect()
     });
-    Block::from_values(rows.concat(), n_channels)
+    Block::from_values(factors.gathered(rows.concat()), n_channels)
 }
 
 /// Returns the light that the sources of a system make of it, which is not negative; infinite where it cannot be solved.

@@ -38,6 +38,7 @@ pub(super) const ENTRY: SolverEntry = SolverEntry {
     settings: &[],
     symmetry: |_| Symmetry::Needed,
     uses_hierarchy: false,
+    goes_by_rows: false,
     make: |_| Some(Box::new(ConjugateGradients)),
 };
 

@@ -101,6 +101,7 @@ pub(super) const ENTRY: SolverEntry = SolverEntry {
         _ => Symmetry::Unused,
     },
     uses_hierarchy: false,
+    goes_by_rows: false,
     make: |s| {
         let bounds = SpectrumBounds::named(s.values.get(&BOUNDS)?.choice()?)?;
         Some(Box::new(Chebyshev { bounds }))

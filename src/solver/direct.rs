@@ -50,6 +50,7 @@ pub(super) const ENTRY: SolverEntry = SolverEntry {
     settings: &[],
     symmetry: |_| Symmetry::Unused,
     uses_hierarchy: false,
+    goes_by_rows: true,
     make: |s| Some(Box::new(Direct::with(s))),
 };
 

@@ -17,6 +17,8 @@ pub struct SolverEntry {
     pub symmetry: fn(&SolverSettings) -> Symmetry,
     /// Whether it uses [`SolverSettings::hierarchy`].
     pub uses_hierarchy: bool,
+    /// Whether it goes through the rows of F one after the other, so that each rank needs all of them.
+    pub goes_by_rows: bool,
     /// Makes the solver from settings with the defaults put in.
     pub make: fn(&SolverSettings) -> Option<Box<dyn Solver>>,
 }

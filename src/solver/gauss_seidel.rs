@@ -31,6 +31,7 @@ pub(super) const ENTRY: SolverEntry = SolverEntry {
     settings: &[],
     symmetry: |_| Symmetry::Unused,
     uses_hierarchy: false,
+    goes_by_rows: true,
     make: |_| Some(Box::new(GaussSeidel)),
 };
 

@@ -83,6 +83,7 @@ pub(super) const ENTRY: SolverEntry = SolverEntry {
     settings: &[RESTARTED, DEFLATED],
     symmetry: |_| Symmetry::Unused,
     uses_hierarchy: false,
+    goes_by_rows: false,
     make: |s| Some(Box::new(Gmres::with(s)?)),
 };
 

@@ -26,6 +26,7 @@ pub(super) const ENTRY: SolverEntry = SolverEntry {
     settings: &[],
     symmetry: |_| Symmetry::Unused,
     uses_hierarchy: false,
+    goes_by_rows: false,
     make: |_| Some(Box::new(Jacobi)),
 };
 

@@ -51,6 +51,7 @@ pub(super) const ENTRY: SolverEntry = SolverEntry {
     settings: &[DEFLATED],
     symmetry: |_| Symmetry::Needed,
     uses_hierarchy: false,
+    goes_by_rows: false,
     make: |s| Some(Box::new(Pcg::with(s)?)),
 };
 

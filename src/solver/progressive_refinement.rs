@@ -74,6 +74,7 @@ pub(super) const ENTRY: SolverEntry = SolverEntry {
     settings: &[STEPS_PER_PASS.optional(), DISPLAY_AMBIENT.optional()],
     symmetry: |_| Symmetry::Unused,
     uses_hierarchy: false,
+    goes_by_rows: true,
     make: |s| {
         let steps_per_pass = s.values.get(&STEPS_PER_PASS).and_then(Value::size);
         Some(Box::new(ProgressiveRefinement { steps_per_pass }))

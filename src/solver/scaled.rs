@@ -8,7 +8,6 @@ use super::twofold::Twofold;
 use super::vectors::inner;
 use crate::matrix::operator::{Block, RowAccess};
 use crate::matrix::roundings;
-use crate::threads;
 
 /// A system in units near its greatest area and, per channel, its greatest exitance. The units are powers of two, so
 /// that radiosities scale back exactly, and so that squares stay in range whatever units the scene is modelled in.
@@ -195,23 +194,20 @@ impl<'a> Scaled<'a> {
         if is_met(&norms, UNNOTICED) {
             return truth;
         }
-        let sharp = match self.system.operator().rows() {
-            Some(rows) => self.sharp_residual(rows, radiosity),
-            None => TrueResidual {
-                norms: truth.norms.map_with(&norms, |r, more| r + more),
-                ..truth
-            },
-        };
+        let sharp = self.sharp_residual(radiosity).unwrap_or_else(|| TrueResidual {
+            norms: truth.norms.map_with(&norms, |r, more| r + more),
+            ..truth
+        });
         TrueResidual {
             is_sharp: true,
             ..sharp
         }
     }
 
-    /// Calculates the residual with sums and products in twice the digits.
-    fn sharp_residual(&self, rows: &dyn RowAccess, radiosity: &Block) -> TrueResidual {
-        let (n, n_channels) = (radiosity.n_rows(), radiosity.n_channels());
-        let of_rows = threads::map(threads::pay(n * n * n_channels), n, |i| {
+    /// Calculates the residual with sums and products in twice the digits; `None` without rows.
+    fn sharp_residual(&self, radiosity: &Block) -> Option<TrueResidual> {
+        let n_channels = radiosity.n_channels();
+        let of_rows = self.system.operator().of_rows(&|rows: &dyn RowAccess, i| {
             let mut sums = vec![Twofold::default(); n_channels];
             rows.visit_row(i, &mut |j, f| {
                 for (sum, b) in sums.iter_mut().zip(radiosity.row(j)) {
@@ -223,18 +219,18 @@ impl<'a> Scaled<'a> {
                 r.add_multiple(self.system.reflectance().row(i)[c], h);
                 r.add(self.exitance.row(i)[c]);
                 r.add(-radiosity.row(i)[c]);
-                (r.value(), h.value())
+                [r.value(), h.value()]
             };
-            sums.iter().enumerate().map(of_channel).collect::<Vec<_>>()
-        });
-        let (residual, irradiance) = of_rows.into_iter().flatten().unzip();
+            sums.iter().enumerate().flat_map(of_channel).collect()
+        })?;
+        let (residual, irradiance) = of_rows.as_chunks().0.iter().map(|&[r, h]: &[f64; 2]| (r, h)).unzip();
         let residual = Block::from_values(residual, n_channels);
-        TrueResidual {
+        Some(TrueResidual {
             norms: self.norms(&residual),
             residual,
             irradiance: Block::from_values(irradiance, n_channels),
             is_sharp: true,
-        }
+        })
     }
 
     /// Returns |E| + |B| + ρ F |B|, what the rounding of a residual goes by. `irradiance` is F B; where B has both signs, the row sum times the greatest |B| takes its place.

@@ -36,6 +36,14 @@ impl LinearOperator for SharedPasses<'_> {
         self.factors.rows()
     }
 
+    fn of_rows(&self, of_row: &(dyn Fn(&dyn RowAccess, usize) -> Vec<f64> + Sync)) -> Option<Vec<f64>> {
+        self.factors.of_rows(of_row)
+    }
+
+    fn has_rows(&self) -> bool {
+        self.factors.has_rows()
+    }
+
     fn reciprocal_areas(&self) -> Option<&[f64]> {
         self.factors.reciprocal_areas()
     }

@@ -56,6 +56,7 @@ pub(super) const ENTRY: SolverEntry = SolverEntry {
     settings: &[OMEGA.optional()],
     symmetry: |_| Symmetry::Unused,
     uses_hierarchy: false,
+    goes_by_rows: true,
     make: |s| {
         let omega = s.values.get(&OMEGA).and_then(Value::number);
         Some(Box::new(Sor { omega }))

@@ -62,6 +62,8 @@ pub struct Demand {
     pub part: u32,
     /// The tolerance of the solver, if there is one.
     pub tolerance: Option<f64>,
+    /// The name of the solver, if there is one.
+    pub solver: Option<String>,
     /// The greatest reflectance of the lightings that there are beside the scene's own.
     pub reflectance_max: f64,
     /// Memory for a picture, in bytes.

@@ -369,11 +369,18 @@ fn warn_above_tolerance(scene: &Scene, result: &Computed, tolerance: Parameter, 
 /// Returns the greatest error of A_i F_ij / min(A_i, A_j).
 fn worst_error(factors: &FormFactors) -> f64 {
     let areas = factors.areas();
-    let mut worst = 0.0_f64;
-    for (i, area) in areas.iter().enumerate() {
-        factors.for_each_in_row(i, |j, _, error| worst = worst.max(error * area / area.min(areas[j])));
-    }
-    worst
+    let of_row = |i: usize| {
+        let mut worst = 0.0_f64;
+        factors.for_each_in_row(i, |j, _, error| {
+            worst = worst.max(error * areas[i] / areas[i].min(areas[j]));
+        });
+        [worst]
+    };
+    factors
+        .numbers_of_rows(of_row)
+        .into_flattened()
+        .into_iter()
+        .fold(0.0, f64::max)
 }
 
 impl super::Memory {

@@ -3,8 +3,7 @@
 use sha2::{Digest as _, Sha256};
 
 use super::{Context, WorkflowError};
-use crate::matrix::FormFactors;
-use crate::matrix::operator::{Block, LinearOperator as _};
+use crate::matrix::operator::Block;
 
 /// The memory that all ranks have.
 #[derive(Clone, Copy, Debug)]
@@ -55,21 +54,6 @@ impl Context {
             }
         }
         self.expect_same(what, &hasher.finalize())
-    }
-
-    /// Refuses ranks that have other form factors than rank 0, by a product with numbers that are all different. Collective.
-    ///
-    /// # Errors
-    /// As [`expect_same`](Self::expect_same).
-    pub(super) fn expect_same_factors(&self, factors: &FormFactors) -> Result<(), WorkflowError> {
-        if self.ranks.size() == 1 {
-            return Ok(());
-        }
-        let n = factors.n_rows();
-        let x = Block::from_values((0..n).map(|i| 1.0 + (i as f64).sin()).collect(), 1);
-        let mut product = Block::zeros(n, 1);
-        factors.apply(&x, &mut product);
-        self.expect_same_numbers("file of form factors", &[&product])
     }
 
     /// Returns the room of the rank that has the least, so that all of them store form factors alike. Collective.

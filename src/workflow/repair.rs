@@ -176,8 +176,9 @@ impl Model {
         let is_symmetric = raw.is_symmetric();
         let (factors, report) = cx.time("balance", || {
             let mut targets = raw.row_targets(closed_rows);
+            let row_sums = if doubted.is_empty() { Vec::new() } else { raw.row_sums() };
             for &i in doubted {
-                targets.keep(i, raw.row_sum(i));
+                targets.keep(i, row_sums[i]);
             }
             raw.repaired(kind, &targets, BALANCE_TOLERANCE, BALANCE_PASSES)
         })?;

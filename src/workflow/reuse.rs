@@ -1,6 +1,7 @@
 //! Form factors from a file instead of a method.
 
 use serde_json::Value;
+use sha2::{Digest as _, Sha256};
 
 use super::form_factors::{FormFactorRequest, FormFactorStudy, Promised, Raw, spent_budget};
 use super::repair::{BALANCE_TOLERANCE, repair_kind};
@@ -71,6 +72,7 @@ impl Model {
             working_byte: 0,
         };
         let chosen = storage::choose_storage(cx, self, matrix)?;
+        cx.expect_same("file of form factors", &Sha256::digest(file.fingerprint()?))?;
         let read = cx.time("form_factors", || file.read_into(&self.mesh, chosen.choice()));
         let factors = read.map_err(|error| match error {
             ReportError::OtherGeometry { path } => WorkflowError::OtherGeometry {
@@ -79,7 +81,6 @@ impl Model {
             },
             other => other.into(),
         })?;
-        cx.expect_same_factors(&factors)?;
         let description = file.description();
         let path = || file.path().to_owned();
         let rounded = description.pairs.and_then(|pairs| pairs.doubted(&self.scene));

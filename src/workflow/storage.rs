@@ -1,13 +1,16 @@
 //! Where form factors are kept: what is asked for, and what the plan makes of it.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use sha2::{Digest as _, Sha256};
 
 use super::{Context, Model, WorkflowError};
-use crate::matrix::{Layout, Place, Precision, Scratch, StorageChoice};
+use crate::matrix::{Among, Layout, Place, Precision, Scratch, StorageChoice};
 use crate::plan::{Accuracy, StorageDemand, StoragePlan, StorageWish, byte_text, facing_share, plan_storage};
+use crate::ranks::Ranks;
 use crate::report::{memory_available_byte, memory_used_byte};
+use crate::solver::registry;
 
 /// The share of the memory that is available which is used unless a limit is given.
 const SHARE: f64 = 0.8;
@@ -98,6 +101,8 @@ pub struct MatrixDemand {
 pub struct ChosenStorage {
     plan: StoragePlan,
     directory: PathBuf,
+    /// The ranks that share the matrix; `None` for one.
+    ranks: Option<Arc<dyn Ranks>>,
 }
 
 impl ChosenStorage {
@@ -118,6 +123,7 @@ impl ChosenStorage {
             layout: self.plan.layout,
             precision: self.plan.precision,
             place,
+            ranks: self.ranks.as_ref().map(Among),
         }
     }
 }
@@ -136,6 +142,11 @@ pub fn choose_storage(cx: &Context, model: &mut Model, matrix: MatrixDemand) -> 
         absorption_min,
         tolerance,
     };
+    let solver = cx
+        .demand
+        .solver
+        .as_deref()
+        .and_then(|name| registry::by_name(name).ok());
     let demand = StorageDemand {
         n_patches: n,
         n_channels: model.plan.n_channels,
@@ -149,6 +160,8 @@ pub fn choose_storage(cx: &Context, model: &mut Model, matrix: MatrixDemand) -> 
         image_byte: cx.demand.image_byte,
         accuracy: cx.demand.tolerance.map(accuracy),
         limit_byte: room.limit_byte,
+        n_ranks: cx.ranks.size(),
+        rows_for: solver.filter(|entry| entry.goes_by_rows).map(|entry| entry.name),
     };
     let plan = plan_storage(&demand, cx.memory.wish()).map_err(WorkflowError::Storage)?;
     let beside = cx.demand.output.as_deref().and_then(std::path::Path::parent);
@@ -174,14 +187,29 @@ pub fn choose_storage(cx: &Context, model: &mut Model, matrix: MatrixDemand) -> 
         byte_text(memory.image_byte),
         byte_text(memory.used_byte),
     );
-    let chosen = ChosenStorage { plan, directory };
+    let chosen = ChosenStorage {
+        plan,
+        directory,
+        ranks: (cx.ranks.size() > 1).then(|| Arc::clone(&cx.ranks)),
+    };
     let choice = format!("{kind}, {}", choice_text(chosen.choice()));
     model.plan.decide("form factors", choice, reason);
     if cx.ranks.size() > 1 {
+        let rest_byte = memory.total_byte() - memory.matrix_byte;
+        let parts = if chosen.plan.on_disk {
+            "each has all form factors in a scratch file of its own, and"
+        } else if demand.by_rows {
+            "each stores all rows, and the tiles of exchange areas that its own need;"
+        } else if demand.rows_for.is_some() {
+            "each stores the tiles that its rows need, and gathers all for the solver;"
+        } else {
+            "each stores the tiles that its rows need;"
+        };
         let why = format!(
-            "they share the work of form factors, passes and pictures; each of them holds all of the scene and the matrix: {}, of which {} are form factors",
-            byte_text(memory.total_byte()),
-            byte_text(memory.matrix_byte)
+            "they share the work of form factors, checks, passes and pictures; {parts} {} of form factors on each, {:.0} % of exchange areas; whole on each are scene, trees and vectors: {}",
+            byte_text(memory.matrix_byte),
+            100.0 * if chosen.plan.on_disk { 1.0 } else { demand.rank_share() },
+            byte_text(rest_byte)
         );
         model.plan.revise("ranks", cx.ranks.size().to_string(), why);
     }

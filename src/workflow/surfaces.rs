@@ -45,8 +45,9 @@ impl SurfaceTable {
             return Self::Lost(rows.lost_factors());
         }
         let needed = ENTRY_BYTE.saturating_mul((n as u64).saturating_pow(2));
-        let free = cx.memory.limit().saturating_sub(memory_used_byte().unwrap_or(0));
-        if n <= Self::MAX_READ || needed <= free {
+        // Of the rank that has the least: all ranks calculate the same.
+        let room = cx.room(memory_used_byte().unwrap_or(0));
+        if n <= Self::MAX_READ || needed <= room.limit_byte.saturating_sub(room.used_byte) {
             return Self::Whole(rows.iter().collect());
         }
         model.plan.left_out.push(format!(

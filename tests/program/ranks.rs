@@ -90,6 +90,29 @@ fn form_factors_are_the_same_bytes_on_any_number_of_ranks() {
     ];
     let expected = results(at, &radiosity(at, &cut), &["F.npz"]);
     assert!(results(at, &on_ranks(2, at, &cut), &["F.npz"]) == expected);
+    // Every format, with the rows of other ranks; more ranks than some have rows.
+    for file in ["F.npy", "F.mtx", "F.csv", "F.exr", "F.vf", "F.vtu"] {
+        let directory = with_scene("room-box");
+        let at = directory.path();
+        let work = [
+            "form-factors",
+            "scene.obj",
+            "--subdivide",
+            "5",
+            "--tolerance",
+            "1e-3",
+            "-o",
+            file,
+            "--json",
+        ];
+        let expected = results(at, &radiosity(at, &work), &[file]);
+        for n in [2, 4] {
+            assert!(
+                results(at, &on_ranks(n, at, &work), &[file]) == expected,
+                "{file} on {n} ranks"
+            );
+        }
+    }
     // Many rows of tiles, in f32, and rows that are balanced.
     let directory = with_scene("room-box");
     let at = directory.path();
@@ -126,7 +149,7 @@ fn light_and_pictures_are_the_same_bytes_on_any_number_of_ranks() {
         "-o",
         "B.csv",
     ];
-    for solver in ["auto", "gauss-seidel", "multigrid", "gmres"] {
+    for solver in ["auto", "gauss-seidel", "multigrid", "direct", "pcg", "gmres"] {
         expect_equal(at, &[&solve[..], &["--solver", solver]].concat(), &["B.csv"]);
     }
     let render = [
@@ -183,6 +206,32 @@ fn light_and_pictures_are_the_same_bytes_on_any_number_of_ranks() {
         ],
         &["T.csv"],
     );
+}
+
+/// Form factors would fit in parts, and are refused to a solver that needs all of them on each rank.
+#[test]
+fn a_solver_by_rows_is_refused_where_all_rows_do_not_fit_on_each_rank() {
+    if !has_mpi() {
+        return;
+    }
+    let directory = with_scene("room-box");
+    let at = directory.path();
+    let solve = ["solve", "scene.obj", "-o", "B.csv", "--form-factor-tolerance", "1e-2"];
+    let explain = ["--subdivide", "12", "--explain"];
+    let output = on_ranks(4, at, &[&solve[..], &explain].concat());
+    let explained = String::from_utf8(output.stdout).unwrap();
+    assert!(explained.contains("44 % of exchange areas"), "{explained}");
+    std::fs::remove_file(at.join("B.csv")).unwrap();
+    let by_rows = ["--subdivide", "40", "--memory-limit", "2.5GB", "--solver", "sor"];
+    let output = on_ranks(4, at, &[&solve[..], &by_rows].concat());
+    let refused = stderr(&output);
+    assert_eq!(output.status.code(), Some(1), "{refused}");
+    assert!(
+        refused.contains("`sor` goes by rows") && refused.contains("`pcg`"),
+        "{refused}"
+    );
+    assert_eq!(refused.lines().filter(|line| line.starts_with("radiosity:")).count(), 1);
+    assert!(!names(at).contains(&"B.csv".to_owned()));
 }
 
 /// One line, whatever went wrong on all ranks or on one, and one exit code.

@@ -44,6 +44,7 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let demand = Demand {
         output: args.output.clone(),
         tolerance: Some(args.solver.tolerance),
+        solver: Some(args.solver.solver.clone()),
         ..Demand::default()
     };
     run.expect(&args.storage, demand);

@@ -58,6 +58,10 @@ impl ExactMethod {
         let n = input.mesh.n_patches() as u64;
         progress.begin("form factors", n * n.saturating_sub(1) / 2);
         let mut counts = PairCounts::default();
+        if let Some(before) = &before {
+            // A rank may compute any batch, and so keep entries of any rows.
+            before.factors.gather_rows();
+        }
         // Batch by batch into the matrix: only one batch's entries are held beside it.
         let batches = Batches::new(self, input, before, progress);
         if let Some(forecast) = batches.forecast(input, false) {

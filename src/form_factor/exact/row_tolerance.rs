@@ -3,8 +3,6 @@
 use std::path::Path;
 use std::time::Instant;
 
-use rayon::prelude::*;
-
 use super::method::ExactMethod;
 use crate::form_factor::{ComputeResult, Computed, FormFactorError, FormFactorMethod, Input};
 use crate::matrix::{FormFactors, StorageChoice};
@@ -91,12 +89,13 @@ pub fn worst_row(factors: &FormFactors) -> f64 {
     let of_row = |i: usize| {
         let mut sum = 0.0;
         factors.for_each_in_row(i, |_, _, error| sum += error);
-        sum
+        [sum]
     };
-    (0..factors.n_rows())
-        .into_par_iter()
-        .map(of_row)
-        .reduce(|| 0.0, f64::max)
+    factors
+        .numbers_of_rows(of_row)
+        .into_flattened()
+        .into_iter()
+        .fold(0.0, f64::max)
 }
 
 /// Progress without a checkpoint.

@@ -29,7 +29,9 @@ fn file(layout: Layout) -> TileFile<f64> {
                 .collect();
             tile.push_row(&entries, RowTally::default());
         }
-        let squares = crate::matrix::symmetric::row_of_tiles(&tile, n, layout).unwrap();
+        let squares =
+            crate::matrix::symmetric::row_of_tiles(&tile, n, layout, tile.first_row() / SIDE..n.div_ceil(SIDE))
+                .unwrap();
         file.push_row(&squares).unwrap();
     }
     file

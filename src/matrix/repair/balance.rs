@@ -85,10 +85,10 @@ impl FormFactors {
         let rays = self.tallies.iter().map(RowTally::effective_rays);
         let ray_weights = rays.zip(&self.areas).map(|(n, area)| n.map(|n| n / (area / area_max)));
         let ray_weights: Vec<Option<f64>> = ray_weights.collect();
-        let upper = |rows: std::ops::Range<usize>| {
+        let upper = |rows: std::ops::Range<usize>, columns: std::ops::Range<usize>| {
             let mut lists = vec![Vec::new(); rows.len()];
-            self.for_each_pair(rows.clone(), rows.start, |i, j, pair| {
-                if j >= i {
+            self.for_each_pair(rows.clone(), columns.start, |i, j, pair| {
+                if j >= i && j < columns.end {
                     let weights = match (weighting, ray_weights[i].zip(ray_weights[j])) {
                         (Weighting::Plain, _) => Weights::Equal,
                         (Weighting::InverseVariance, Some((p, q))) => Weights::Rays(p, q),

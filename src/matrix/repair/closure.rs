@@ -1,6 +1,6 @@
 //! The repair that moves each entry by its own error: least squares under row sums and signs.
 
-use rayon::prelude::*;
+use std::ops::Range;
 
 use super::balance::{BalanceReport, expect_targets};
 use crate::matrix::checks::RowTargets;
@@ -77,12 +77,12 @@ impl FormFactors {
         if multipliers.iter().all(|l| l.abs() <= 0.0) {
             return Ok((self.clone(), report));
         }
-        let exchange = symmetric::from_blocks(&self.areas, self.storage(), |rows| {
+        let exchange = symmetric::from_blocks(&self.areas, self.storage(), |rows, columns| {
             let mut tile = RowTile::new(rows.start);
             let mut entries = Vec::new();
             for i in rows {
                 entries.clear();
-                problem.for_each_in_row(i, |j, a, s| {
+                problem.for_each_stored(i, i.max(columns.start)..columns.end, |j, a, s| {
                     if j >= i {
                         let moved = moved((i, j), (a, s * s), &multipliers).max(0.0);
                         entries.push((index(j), moved, s.max((moved - a).abs())));
@@ -113,6 +113,14 @@ impl Problem<'_> {
             .for_each_in_row(i, |j, value, error| visit(j, area * value, area * error));
     }
 
+    /// Visits what this rank stores of a row, be it its own or not.
+    fn for_each_stored(&self, i: usize, columns: Range<usize>, mut visit: impl FnMut(usize, f64, f64)) {
+        let (area, factor) = (self.areas[i], self.factors.row_factor(i));
+        self.factors.entries.for_each(i, columns, &mut |j, number, error| {
+            visit(j, area * (factor * number), area * (factor * error));
+        });
+    }
+
     /// Computes one number per row from its entries; one pass over F.
     fn pass(&mut self, term: impl Fn((usize, usize), (f64, f64)) -> f64 + Sync) -> Vec<f64> {
         self.n_passes += 1;
@@ -120,9 +128,9 @@ impl Problem<'_> {
         let sum_of_row = |i| {
             let mut sum = 0.0;
             problem.for_each_in_row(i, |j, a, s| sum += term((i, j), (a, s * s)));
-            sum
+            [sum]
         };
-        (0..self.areas.len()).into_par_iter().map(sum_of_row).collect()
+        self.factors.numbers_of_rows(sum_of_row).into_flattened()
     }
 
     /// Returns what each row of exchange areas lacks, and the most of it as a form factor, of those rows that can be `moved`.
@@ -150,9 +158,10 @@ impl Problem<'_> {
                 sees |= a > 0.0 || s > 0.0;
                 can_move |= s > 0.0;
             });
-            (sees, can_move)
+            [sees, can_move].map(f64::from)
         };
-        (0..self.areas.len()).into_par_iter().map(of_row).unzip()
+        let rows = self.factors.numbers_of_rows(of_row).into_iter();
+        rows.map(|[sees, can_move]| (sees > 0.0, can_move > 0.0)).unzip()
     }
 
     /// Returns the best multipliers met, and how good they are.

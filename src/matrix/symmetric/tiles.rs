@@ -1,5 +1,6 @@
 //! Symmetric matrices: the upper triangle in square tiles, each applied together with its transpose.
 
+use std::cmp::Ordering;
 use std::fmt::Debug;
 use std::ops::Range;
 use std::sync::Arc;
@@ -18,6 +19,8 @@ use crate::matrix::kernel::sizes::{SIDE, block_rows, for_each_block};
 use crate::matrix::operator::Block;
 use crate::matrix::square::{Placed, Square};
 use crate::matrix::tile::{RowTile, index};
+use crate::matrix::together::{blocks_of, decode, encode, rows_of, stored_rows};
+use crate::ranks::Ranks;
 use crate::threads;
 
 /// Returns f_i = max A / A_i.
@@ -26,23 +29,37 @@ pub(in crate::matrix) fn row_factors(areas: &[f64]) -> Vec<f64> {
     areas.iter().map(|a| area_max / a).collect()
 }
 
-/// Stores the s_ij = A_i F_ij / max A between patches of these areas, of which `upper` gives the entries on and above the diagonal for each of [`block_rows`], in parallel.
+/// Stores the s_ij = A_i F_ij / max A between patches of these areas, of which `upper` gives the entries on and above the diagonal for each of [`block_rows`], in parallel: those in the
+/// columns that it gets, which are all that this rank stores of the block.
 pub(in crate::matrix) fn from_blocks(
     areas: &[f64],
     choice: StorageChoice<'_>,
-    upper: impl Fn(Range<usize>) -> RowTile + Sync,
+    upper: impl Fn(Range<usize>, Range<usize>) -> RowTile + Sync,
 ) -> Result<Arc<dyn Backend>, MatrixError> {
     fn build<T: Scalar>(
         areas: &[f64],
         choice: StorageChoice<'_>,
-        upper: impl Fn(Range<usize>) -> RowTile + Sync,
+        upper: impl Fn(Range<usize>, Range<usize>) -> RowTile + Sync,
     ) -> Result<Arc<dyn Backend>, MatrixError> {
         let n = areas.len();
+        let part = Stored::new(n, choice);
         let blocks: Vec<_> = block_rows(n).collect();
         let row_byte = (n * SIDE * size_of::<Placed<T>>()) as u64;
-        let work = |k: usize| row_of_tiles::<T>(&upper(blocks[k].clone()), n, choice.layout);
+        let work = |k: usize| {
+            let columns = part.columns(k);
+            if columns.is_empty() {
+                return Ok(Vec::new());
+            }
+            let tile = upper(blocks[k].clone(), rows_of(n, &columns));
+            row_of_tiles::<T>(&tile, n, choice.layout, columns)
+        };
         let rows = InOrder::new(blocks.len(), row_byte, choice.place.waiting_byte(), work);
-        Ok(Arc::new(Tiles::<T>::collect(row_factors(areas), choice.place, rows)?))
+        Ok(Arc::new(Tiles::<T>::collect(
+            row_factors(areas),
+            choice.place,
+            part.clone(),
+            rows,
+        )?))
     }
     match choice.precision {
         Precision::F64 => build::<f64>(areas, choice, upper),
@@ -64,8 +81,18 @@ pub(in crate::matrix) fn from_rows<E: From<MatrixError> + Send>(
         upper: impl Iterator<Item = Result<RowTile, E>>,
     ) -> Result<Arc<dyn Backend>, E> {
         let n = areas.len();
-        let rows = by_turns(upper, |tile| Ok::<_, E>(row_of_tiles::<T>(&tile?, n, choice.layout)?));
-        Ok(Arc::new(Tiles::<T>::collect(row_factors(areas), choice.place, rows)?))
+        let part = Stored::new(n, choice);
+        let rows = by_turns(upper, |tile| {
+            let tile: RowTile = tile?;
+            let columns = part.columns(tile.first_row() / SIDE);
+            Ok::<_, E>(row_of_tiles::<T>(&tile, n, choice.layout, columns)?)
+        });
+        Ok(Arc::new(Tiles::<T>::collect(
+            row_factors(areas),
+            choice.place,
+            part.clone(),
+            rows,
+        )?))
     }
     match choice.precision {
         Precision::F64 => build::<f64, E>(areas, choice, upper),
@@ -73,16 +100,23 @@ pub(in crate::matrix) fn from_rows<E: From<MatrixError> + Send>(
     }
 }
 
-/// Cuts rows of the upper triangle into tiles; the one on the diagonal gets its lower half.
+/// Cuts rows of the upper triangle into the tiles of some blocks of `columns`; the one on the diagonal gets its lower half.
 pub(in crate::matrix) fn row_of_tiles<T: Scalar>(
     upper: &RowTile,
     n: usize,
     layout: Layout,
+    columns: Range<usize>,
 ) -> Result<Vec<Square<T>>, MatrixError> {
     let rows = upper.first_row()..upper.first_row() + upper.n_rows();
-    let mut tiles: Vec<Vec<Placed<T>>> = vec![Vec::new(); (n - rows.start).div_ceil(SIDE)];
+    let begin = columns.start * SIDE;
+    let end = n.min(columns.end * SIDE);
+    let mut tiles: Vec<Vec<Placed<T>>> = vec![Vec::new(); columns.len()];
     for i in rows.clone() {
         for &entry in upper.row(i - rows.start) {
+            // Another rank stores what lies elsewhere; what lies below the diagonal nobody does.
+            if (entry.0 as usize >= rows.start && (entry.0 as usize) < begin) || entry.0 as usize >= end.max(begin) {
+                continue;
+            }
             let (value, std_error) = rounded::<T>(i, entry, n)?;
             if value.to_f64().abs() <= 0.0 && std_error <= 0.0 {
                 continue; // Too small for the precision.
@@ -94,15 +128,19 @@ pub(in crate::matrix) fn row_of_tiles<T: Scalar>(
                     column: entry.0,
                 });
             }
-            tiles[(j - rows.start) / SIDE].push((i, entry.0, value, std_error));
+            tiles[j / SIDE - columns.start].push((i, entry.0, value, std_error));
             if i < j && j < rows.end {
                 tiles[0].push((j, index(i), value, std_error));
             }
         }
     }
-    tiles[0].sort_unstable_by_key(|&(i, j, ..)| (i, j));
+    if begin == rows.start
+        && let Some(diagonal) = tiles.first_mut()
+    {
+        diagonal.sort_unstable_by_key(|&(i, j, ..)| (i, j));
+    }
     let square = |(k, entries): (usize, &Vec<_>)| {
-        let first = rows.start + k * SIDE;
+        let first = begin + k * SIDE;
         Square::new(entries, &rows, &(first..n.min(first + SIDE)), layout)
     };
     let mut squares: Vec<_> = tiles.iter().enumerate().map(square).collect();
@@ -110,20 +148,55 @@ pub(in crate::matrix) fn row_of_tiles<T: Scalar>(
     Ok(squares)
 }
 
-/// The tiles (I, J) with J ≥ I.
+/// The tiles that this rank stores.
+#[derive(Clone, Debug)]
+struct Stored {
+    n_blocks: usize,
+    layout: Layout,
+    /// The blocks of rows that are this rank's, all tiles of which it stores, and the ranks; `None` where it stores all tiles.
+    own: Option<(Range<usize>, Arc<dyn Ranks>)>,
+}
+
+impl Stored {
+    /// Returns what is stored of an n by n matrix: on several ranks a part, unless it is on a disk.
+    fn new(n: usize, choice: StorageChoice<'_>) -> Self {
+        let among = choice.ranks.filter(|_| !choice.place.is_on_disk());
+        Self {
+            n_blocks: block_rows(n).len(),
+            layout: choice.layout,
+            own: among.map(|among| {
+                let ranks = among.0;
+                (blocks_of(n, ranks.rank(), ranks.size()), Arc::clone(ranks))
+            }),
+        }
+    }
+
+    /// Returns the J of the tiles (I, J), J ≥ I, that are stored: all where row I is this rank's, else those of its columns.
+    fn columns(&self, row: usize) -> Range<usize> {
+        match &self.own {
+            Some((own, _)) if !own.contains(&row) => own.start.max(row).min(own.end)..own.end,
+            _ => row..self.n_blocks,
+        }
+    }
+}
+
+/// The tiles (I, J) with J ≥ I, or those that this rank stores.
 #[derive(Debug)]
 struct Tiles<T> {
     n: usize,
     /// f_i = max A / A_i: F_ij = f_i s_ij.
     row_factors: Vec<f64>,
-    /// The data that a pass reads.
+    /// The data that a pass of one process reads.
     pass_byte: usize,
+    stored: Stored,
+    /// On several ranks: how many numbers of all are not zero, and the bytes of all.
+    of_all: Option<[usize; 2]>,
     rows: Rows<T>,
 }
 
 #[derive(Debug)]
 enum Rows<T> {
-    /// `[I][J − I]`.
+    /// `[I][J − first]`, first being that of [`Stored::columns`].
     Memory(Vec<Vec<Square<T>>>),
     Disk(TileFile<T>),
 }
@@ -156,10 +229,11 @@ fn pieces(n: usize) -> Vec<Range<usize>> {
 }
 
 impl<T: Scalar> Tiles<T> {
-    /// Keeps rows of tiles, all [`block_rows`] of them.
+    /// Keeps rows of tiles, all [`block_rows`] of them. Collective where ranks store parts.
     fn collect<E: From<MatrixError>>(
         row_factors: Vec<f64>,
         place: Place<'_>,
+        part: Stored,
         rows: impl Iterator<Item = Result<Vec<Square<T>>, E>>,
     ) -> Result<Self, E> {
         let (n, mut n_rows) = (row_factors.len(), 0);
@@ -175,19 +249,58 @@ impl<T: Scalar> Tiles<T> {
             }
         };
         assert_eq!(n_rows, block_rows(n).len(), "a tile for every row of blocks");
-        let pass_byte = match &stored {
-            Rows::Memory(tiles) => tiles.iter().flatten().map(Square::pass_byte).sum(),
-            Rows::Disk(file) => usize::try_from(file.n_byte()).unwrap_or(usize::MAX),
-        };
-        Ok(Self {
+        let mut tiles = Self {
             n,
             row_factors,
-            pass_byte,
+            pass_byte: 0,
+            stored: part,
+            of_all: None,
             rows: stored,
-        })
+        };
+        let counts = [tiles.own_pass_byte(), tiles.n_nonzero(), tiles.stored_byte()];
+        let Some((_, ranks)) = &tiles.stored.own else {
+            tiles.pass_byte = counts[0];
+            return Ok(tiles);
+        };
+        let of_ranks = ranks.all_gather(counts.map(|count| (count as u64).to_le_bytes()).as_flattened());
+        let of_rank = of_ranks.iter().map(|bytes| bytes.as_chunks().0);
+        let [pass, n_nonzero, byte] = of_rank.fold([0; 3], |mut sums: [u64; 3], own| {
+            sums.iter_mut()
+                .zip(own)
+                .for_each(|(sum, count)| *sum += u64::from_le_bytes(*count));
+            sums
+        });
+        let [pass, n_nonzero, byte] = [pass, n_nonzero, byte].map(|count| usize::try_from(count).unwrap_or(usize::MAX));
+        tiles.pass_byte = pass;
+        tiles.of_all = Some([n_nonzero, byte]);
+        Ok(tiles)
     }
 
-    /// Calls `visit(J, tile)` for the tiles (I, J), J ≥ I, in order.
+    /// Returns the rows of tiles that are this rank's where they are in memory.
+    fn own_tiles<'t>(&self, rows: &'t [Vec<Square<T>>]) -> &'t [Vec<Square<T>>] {
+        match &self.stored.own {
+            Some((own, _)) => &rows[own.clone()],
+            None => rows,
+        }
+    }
+
+    /// Returns the data that a pass reads of this rank's rows of tiles.
+    fn own_pass_byte(&self) -> usize {
+        match &self.rows {
+            Rows::Memory(rows) => self.own_tiles(rows).iter().flatten().map(Square::pass_byte).sum(),
+            Rows::Disk(file) => usize::try_from(file.n_byte()).unwrap_or(usize::MAX),
+        }
+    }
+
+    /// Returns the rows whose products this rank computes.
+    fn own_rows(&self) -> Range<usize> {
+        match &self.stored.own {
+            Some((own, _)) => rows_of(self.n, own),
+            None => 0..self.n,
+        }
+    }
+
+    /// Calls `visit(J, tile)` for the tiles (I, J), J ≥ I, that are stored, in order.
     fn for_each_tile(&self, row: usize, part: Part, mut visit: impl FnMut(usize, &Square<T>)) -> Result<(), DiskError> {
         match &self.rows {
             Rows::Memory(rows) => {
@@ -195,7 +308,7 @@ impl<T: Scalar> Tiles<T> {
                     if let Some(next) = rows[row].get(k + 1) {
                         next.ask();
                     }
-                    visit(row + k, tile);
+                    visit(self.stored.columns(row).start + k, tile);
                 }
                 Ok(())
             }
@@ -204,29 +317,26 @@ impl<T: Scalar> Tiles<T> {
     }
 
     /// Returns what `work` makes of the tiles that hold the rows of block `own`, found by the other block: those before `own` hold
-    /// them as columns. `only` names the single block that `work` asks for. `None` if the tiles cannot be read.
+    /// them as columns; nothing where a tile is not stored. `only` names the single block that `work` asks for. `None` if the tiles cannot be read.
     fn with_cross<R>(
         &self,
         own: usize,
         only: Option<usize>,
         part: Part,
-        work: impl for<'t> FnOnce(&dyn Fn(usize) -> &'t Square<T>) -> R,
+        work: impl for<'t> FnOnce(&dyn Fn(usize) -> Option<&'t Square<T>>) -> R,
     ) -> Option<R> {
         match &self.rows {
             Rows::Memory(rows) => Some(work(&|block| {
-                if block < own {
-                    &rows[block][own - block]
-                } else {
-                    &rows[own][block - own]
-                }
+                let (row, column) = (own.min(block), own.max(block));
+                rows[row].get(column.checked_sub(self.stored.columns(row).start)?)
             })),
             Rows::Disk(file) => file.note(match only {
                 Some(block) => {
                     let (row, column) = (own.min(block), own.max(block));
                     let tile = file.read(row, column..column + 1, part);
-                    tile.map(|tile| work(&|_| &tile[0]))
+                    tile.map(|tile| work(&|_| tile.first()))
                 }
-                None => file.with_band(Band::Cross(own), part, |tiles| work(&|block| &tiles[block])),
+                None => file.with_band(Band::Cross(own), part, |tiles| work(&|block| tiles.get(block))),
             }),
         }
     }
@@ -250,32 +360,24 @@ impl<T: Scalar> Tiles<T> {
         sums.finish()
     }
 
-    /// Sets y to the sums of what all pieces add to it, in their order.
-    fn add_up(&self, parts: &[PieceOfY], y: &mut Block) {
-        let n_channels = y.n_channels();
-        let tasks: Vec<(usize, &mut [f64])> = y
-            .values_mut()
-            .chunks_mut(SUMS_PER_TASK * n_channels)
-            .enumerate()
-            .collect();
-        threads::for_each(
-            threads::pay(self.n * parts.len() * n_channels),
-            tasks,
-            |(task, y_rows)| {
-                let begin = task * SUMS_PER_TASK;
-                let rows = begin..begin + y_rows.len() / n_channels;
-                for c in 0..n_channels {
-                    let mut sums = [0.0; SUMS_PER_TASK];
-                    for part in parts {
-                        part.add_to(&mut sums, &rows, c);
-                    }
-                    let sums = sums.iter().zip(&self.row_factors[rows.clone()]);
-                    for (row, (sum, factor)) in y_rows.chunks_exact_mut(n_channels).zip(sums) {
-                        row[c] = sum * factor;
-                    }
+    /// Sets the rows of y from `first` on to the sums of what all pieces add to them, in their order.
+    fn add_up(&self, parts: &[PieceOfY], first: usize, n_channels: usize, y: &mut [f64]) {
+        let y_len = y.len();
+        let tasks: Vec<(usize, &mut [f64])> = y.chunks_mut(SUMS_PER_TASK * n_channels).enumerate().collect();
+        threads::for_each(threads::pay(y_len * parts.len()), tasks, |(task, y_rows)| {
+            let begin = first + task * SUMS_PER_TASK;
+            let rows = begin..begin + y_rows.len() / n_channels;
+            for c in 0..n_channels {
+                let mut sums = [0.0; SUMS_PER_TASK];
+                for part in parts {
+                    part.add_to(&mut sums, &rows, c);
                 }
-            },
-        );
+                let sums = sums.iter().zip(&self.row_factors[rows.clone()]);
+                for (row, (sum, factor)) in y_rows.chunks_exact_mut(n_channels).zip(sums) {
+                    row[c] = sum * factor;
+                }
+            }
+        });
     }
 }
 
@@ -287,10 +389,10 @@ impl<T: Scalar> Backend for Tiles<T> {
         let found = self.with_cross(own, only, Part::All, |tile| {
             for_each_block(columns.clone(), |first, part, block| {
                 let shifted = &mut |k, value, std_error| visit(first + k, value, std_error);
-                if block < own {
-                    tile(block).for_each_in_column(row, part, shifted);
-                } else {
-                    tile(block).for_each_in_row(row, part, shifted);
+                match tile(block) {
+                    Some(tile) if block < own => tile.for_each_in_column(row, part, shifted),
+                    Some(tile) => tile.for_each_in_row(row, part, shifted),
+                    None => {}
                 }
             });
         });
@@ -304,12 +406,16 @@ impl<T: Scalar> Backend for Tiles<T> {
         let (own, row) = (i / SIDE, i % SIDE);
         let x_from = |block: usize| &x.values()[block * SIDE * x.n_channels()..];
         let found = self.with_cross(own, None, Part::Numbers, |tile| {
-            for block in 0..own {
-                tile(block).add_column(row, factor, x_from(block), sum);
-            }
-            let diagonal = tile(own).add_row(row, Some(row), factor, x_from(own), sum);
-            for block in own + 1..block_rows(self.n).len() {
-                tile(block).add_row(row, None, factor, x_from(block), sum);
+            let mut diagonal = 0.0;
+            for block in 0..self.stored.n_blocks {
+                let Some(found) = tile(block) else { continue };
+                match block.cmp(&own) {
+                    Ordering::Less => found.add_column(row, factor, x_from(block), sum),
+                    Ordering::Equal => diagonal = found.add_row(row, Some(row), factor, x_from(own), sum),
+                    Ordering::Greater => {
+                        found.add_row(row, None, factor, x_from(block), sum);
+                    }
+                }
             }
             factor * diagonal
         });
@@ -321,10 +427,19 @@ impl<T: Scalar> Backend for Tiles<T> {
 
     fn apply(&self, x: &Block, y: &mut Block) {
         let planes = Planes::of(x);
-        let pieces = pieces(self.n);
+        let rows = self.own_rows();
+        // Pieces behind the rows add nothing to them.
+        let mut pieces = pieces(self.n);
+        pieces.retain(|piece| piece.start * SIDE < rows.end);
         let pay = threads::pay_for_pass(self.n * self.n * x.n_channels(), self.pass_byte);
         let parts = threads::map(pay, pieces.len(), |k| self.apply_piece(pieces[k].clone(), &planes));
-        self.add_up(&parts, y);
+        let n_channels = y.n_channels();
+        let own = rows.start * n_channels..rows.end * n_channels;
+        self.add_up(&parts, rows.start, n_channels, &mut y.values_mut()[own.clone()]);
+        if let Some((_, ranks)) = &self.stored.own {
+            let all = ranks.all_gather_numbers(&y.values()[own]);
+            y.values_mut().copy_from_slice(&all);
+        }
     }
 
     fn share_of_pass(&self, x: &Block, rank: usize, n_ranks: usize) -> Vec<f64> {
@@ -346,7 +461,7 @@ impl<T: Scalar> Backend for Tiles<T> {
                 part
             })
             .collect();
-        self.add_up(&parts, y);
+        self.add_up(&parts, 0, y.n_channels(), y.values_mut());
     }
 
     fn pass_byte(&self) -> usize {
@@ -358,9 +473,9 @@ impl<T: Scalar> Backend for Tiles<T> {
     }
 
     fn scaled(&self, d: &[f64]) -> Result<Arc<dyn Backend>, MatrixError> {
-        let n_blocks = block_rows(self.n).len();
+        let n_blocks = self.stored.n_blocks;
         let scale_row = |i: usize| -> Result<Vec<Square<T>>, MatrixError> {
-            let mut row = Vec::with_capacity(n_blocks - i);
+            let mut row = Vec::with_capacity(self.stored.columns(i).len());
             self.for_each_tile(i, Part::All, |j, tile| {
                 let first = (i * SIDE, j * SIDE);
                 row.push(tile.scaled(first, self.n, |a, b| d[first.0 + a] * d[first.1 + b]));
@@ -371,12 +486,65 @@ impl<T: Scalar> Backend for Tiles<T> {
         };
         let row_byte = (self.n * SIDE * (size_of::<T>() + size_of::<f32>())) as u64;
         let rows = InOrder::new(n_blocks, row_byte, self.place().waiting_byte(), scale_row);
-        Ok(Arc::new(Self::collect(self.row_factors.clone(), self.place(), rows)?))
+        let factors = self.row_factors.clone();
+        Ok(Arc::new(Self::collect(
+            factors,
+            self.place(),
+            self.stored.clone(),
+            rows,
+        )?))
+    }
+
+    fn held_rows(&self) -> Option<Range<usize>> {
+        self.stored.own.as_ref().map(|(own, _)| rows_of(self.n, own))
+    }
+
+    fn whole(&self) -> Option<Arc<dyn Backend>> {
+        let (own, ranks) = self.stored.own.as_ref()?;
+        let all = Stored {
+            own: None,
+            ..self.stored.clone()
+        };
+        let mut rows: Vec<Vec<Square<T>>> = std::iter::repeat_with(Vec::new).take(all.n_blocks).collect();
+        let of_rank = |rank: usize| blocks_of(self.n, rank, ranks.size());
+        let n_rounds = (0..ranks.size()).map(|rank| of_rank(rank).len()).max().unwrap_or(0);
+        for round in 0..n_rounds {
+            let block = |of: Range<usize>| of.clone().nth(round);
+            let sent = block(own.clone()).map(|k| {
+                let range = rows_of(self.n, &(k..k + 1));
+                encode(&stored_rows(self, range, |i| i..self.n))
+            });
+            let came = ranks.all_gather(&sent.unwrap_or_default());
+            let made: Vec<_> = came
+                .par_iter()
+                .enumerate()
+                .filter_map(|(rank, bytes)| {
+                    let k = block(of_rank(rank))?;
+                    let tiles = row_of_tiles::<T>(&decode(k * SIDE, bytes), self.n, all.layout, all.columns(k));
+                    // What was stored once is stored again.
+                    Some((k, tiles.ok()?))
+                })
+                .collect();
+            for (k, tiles) in made {
+                rows[k] = tiles;
+            }
+        }
+        Some(Arc::new(Self {
+            n: self.n,
+            row_factors: self.row_factors.clone(),
+            pass_byte: self.pass_byte,
+            stored: all,
+            of_all: None,
+            rows: Rows::Memory(rows),
+        }))
     }
 
     fn n_nonzero(&self) -> usize {
+        if let Some([n_nonzero, _]) = self.of_all {
+            return n_nonzero;
+        }
         let rows = match &self.rows {
-            Rows::Memory(rows) => rows,
+            Rows::Memory(rows) => self.own_tiles(rows),
             Rows::Disk(file) => return file.n_nonzero(),
         };
         let of_row = |tiles: &Vec<Square<T>>| {
@@ -389,8 +557,11 @@ impl<T: Scalar> Backend for Tiles<T> {
     }
 
     fn stored_byte(&self) -> usize {
+        if let Some([_, byte]) = self.of_all {
+            return byte;
+        }
         match &self.rows {
-            Rows::Memory(rows) => rows.iter().flatten().map(Square::stored_byte).sum(),
+            Rows::Memory(rows) => self.own_tiles(rows).iter().flatten().map(Square::stored_byte).sum(),
             Rows::Disk(file) => usize::try_from(file.n_byte()).unwrap_or(usize::MAX),
         }
     }

@@ -159,6 +159,7 @@ pub(super) const ENTRY: SolverEntry = SolverEntry {
     settings: &[],
     symmetry: |_| Symmetry::Unused,
     uses_hierarchy: true,
+    goes_by_rows: true,
     make: |s| {
         Some(Box::new(Multigrid {
             hierarchy: s.hierarchy.clone(),

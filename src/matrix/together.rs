@@ -1,0 +1,237 @@
+//! Ranks that work on one matrix: which rows are whose, and the rows of others.
+
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use rayon::prelude::*;
+
+use super::backend::{Backend, share_of};
+use super::form_factors::FormFactors;
+use super::kernel::sizes::{SIDE, block_rows};
+use super::tile::{Entry, RowTally, RowTile, index};
+use crate::ranks::Ranks;
+
+/// Returns the blocks of rows that are rank `rank`'s of `n_ranks`, of an n by n matrix.
+pub(in crate::matrix) fn blocks_of(n: usize, rank: usize, n_ranks: usize) -> Range<usize> {
+    share_of(block_rows(n).len(), rank, n_ranks)
+}
+
+/// Returns the rows of some blocks.
+pub(in crate::matrix) fn rows_of(n: usize, blocks: &Range<usize>) -> Range<usize> {
+    (blocks.start * SIDE).min(n)..(blocks.end * SIDE).min(n)
+}
+
+/// The ranks of form factors, and what this one has of the rows of others.
+#[derive(Debug)]
+pub(super) struct Together {
+    pub(super) ranks: Arc<dyn Ranks>,
+    /// All rows, once they were gathered.
+    whole: OnceLock<Option<Arc<dyn Backend>>>,
+    /// True on the first rank while the others send it the rows that it reads.
+    is_served: AtomicBool,
+    /// The blocks of rows that came last.
+    came: Mutex<VecDeque<Arc<RowTile>>>,
+}
+
+impl Together {
+    pub(super) fn new(ranks: &Arc<dyn Ranks>) -> Self {
+        Self {
+            ranks: Arc::clone(ranks),
+            whole: OnceLock::new(),
+            is_served: AtomicBool::new(false),
+            came: Mutex::default(),
+        }
+    }
+
+    fn is_served(&self) -> bool {
+        self.is_served.load(Ordering::Relaxed)
+    }
+
+    /// Returns the rows of a block that another rank stores.
+    #[track_caller]
+    fn fetched(&self, block: usize) -> Arc<RowTile> {
+        assert!(
+            self.is_served(),
+            "rows of block {block} are read on the rank that stores them"
+        );
+        let first_row = block * SIDE;
+        let mut came = self.came.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(found) = came.iter().find(|tile| tile.first_row() == first_row) {
+            return Arc::clone(found);
+        }
+        self.ranks.all_gather(&(block as u64).to_le_bytes());
+        let sent = self.ranks.all_gather(&[]).concat();
+        let tile = Arc::new(decode(first_row, &sent));
+        if came.len() > rayon::current_num_threads() {
+            came.pop_front();
+        }
+        came.push_back(Arc::clone(&tile));
+        tile
+    }
+}
+
+/// Returns the bytes of rows.
+pub(in crate::matrix) fn encode(tile: &RowTile) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(20 * tile.n_entries() + 8 * tile.n_rows());
+    for k in 0..tile.n_rows() {
+        bytes.extend((tile.row(k).len() as u64).to_le_bytes());
+        for &(j, value, error) in tile.row(k) {
+            bytes.extend(j.to_le_bytes());
+            bytes.extend(value.to_le_bytes());
+            bytes.extend(error.to_le_bytes());
+        }
+    }
+    bytes
+}
+
+/// Returns rows from their bytes.
+pub(in crate::matrix) fn decode(first_row: usize, bytes: &[u8]) -> RowTile {
+    let mut tile = RowTile::new(first_row);
+    let mut rest = bytes;
+    let mut row: Vec<Entry> = Vec::new();
+    while let Some((n, after)) = rest.split_first_chunk() {
+        let n = usize::try_from(u64::from_le_bytes(*n)).unwrap_or(usize::MAX);
+        let (own, others) = after.as_chunks::<20>().0.split_at(n);
+        row.clear();
+        row.extend(own.iter().map(entry));
+        tile.push_row(&row, RowTally::default());
+        rest = &after[20 * n..];
+        debug_assert_eq!(rest.len() / 20, others.len());
+    }
+    tile
+}
+
+fn entry(bytes: &[u8; 20]) -> Entry {
+    let (column, numbers) = bytes.split_first_chunk().expect("20 bytes");
+    let (value, error) = numbers.split_first_chunk().expect("16 bytes");
+    let error = error.first_chunk().expect("8 bytes");
+    (
+        u32::from_le_bytes(*column),
+        f64::from_le_bytes(*value),
+        f64::from_le_bytes(*error),
+    )
+}
+
+/// Returns the stored numbers of some rows in some columns.
+pub(in crate::matrix) fn stored_rows(
+    entries: &dyn Backend,
+    rows: Range<usize>,
+    columns: impl Fn(usize) -> Range<usize>,
+) -> RowTile {
+    let mut tile = RowTile::new(rows.start);
+    let mut row = Vec::new();
+    for i in rows {
+        row.clear();
+        entries.for_each(i, columns(i), &mut |j, value, error| row.push((index(j), value, error)));
+        tile.push_row(&row, RowTally::default());
+    }
+    tile
+}
+
+impl FormFactors {
+    /// Returns the rows that this rank works on: all where it works alone.
+    pub(crate) fn own_rows(&self) -> Range<usize> {
+        let n = self.n_rows();
+        match &self.together {
+            Some(together) if !together.is_served() => {
+                let ranks = &together.ranks;
+                rows_of(n, &blocks_of(n, ranks.rank(), ranks.size()))
+            }
+            _ => 0..n,
+        }
+    }
+
+    /// Returns what each rank gives, one after the other. Collective.
+    pub(crate) fn gathered(&self, own: Vec<f64>) -> Vec<f64> {
+        match &self.together {
+            Some(together) if !together.is_served() => together.ranks.all_gather_numbers(&own),
+            _ => own,
+        }
+    }
+
+    /// Returns N numbers of each row, of which each rank works out those of its own rows. Collective.
+    pub(crate) fn numbers_of_rows<const N: usize>(
+        &self,
+        of_row: impl Fn(usize) -> [f64; N] + Sync + Send,
+    ) -> Vec<[f64; N]> {
+        let own: Vec<[f64; N]> = self.own_rows().into_par_iter().map(of_row).collect();
+        self.gathered(own.into_flattened()).as_chunks().0.to_vec()
+    }
+
+    /// Does work that reads rows one after the other on the first rank, to which the others send theirs; returns `None` on these. Collective.
+    pub(crate) fn by_first<R>(&self, work: impl FnOnce() -> R) -> Option<R> {
+        let Some(together) = &self.together else {
+            return Some(work());
+        };
+        let held = self.held_rows();
+        if together.ranks.is_first() {
+            together.is_served.store(true, Ordering::Relaxed);
+            let result = work();
+            together.is_served.store(false, Ordering::Relaxed);
+            together.came.lock().unwrap_or_else(PoisonError::into_inner).clear();
+            if held.is_some() {
+                together.ranks.all_gather(&[]);
+            }
+            return Some(result);
+        }
+        let held = held?;
+        let n = self.n_rows();
+        // An empty message ends the work.
+        while let Some(block) = together.ranks.all_gather(&[])[0].first_chunk() {
+            let block = usize::try_from(u64::from_le_bytes(*block)).unwrap_or(usize::MAX);
+            let rows = rows_of(n, &(block..block + 1));
+            let bytes = if held.contains(&rows.start) {
+                encode(&stored_rows(&*self.entries, rows, |_| 0..n))
+            } else {
+                Vec::new()
+            };
+            together.ranks.all_gather(&bytes);
+        }
+        None
+    }
+
+    /// Gathers all rows on every rank, which keeps them as long as the matrix. Collective.
+    pub(crate) fn gather_rows(&self) {
+        if let Some(together) = &self.together {
+            together.whole.get_or_init(|| self.entries.whole());
+        }
+    }
+
+    /// Returns the rows that this rank stores where it does not store all.
+    pub(crate) fn held_rows(&self) -> Option<Range<usize>> {
+        let whole = self.together.as_ref().and_then(|together| together.whole.get());
+        match whole {
+            Some(Some(_)) => None,
+            _ => self.entries.held_rows(),
+        }
+    }
+
+    /// Returns the matrix with all rows where these were gathered, else what is stored.
+    pub(super) fn by_rows(&self) -> &dyn Backend {
+        let whole = self.together.as_ref().and_then(|together| together.whole.get());
+        match whole {
+            Some(Some(whole)) => &**whole,
+            _ => &*self.entries,
+        }
+    }
+
+    /// Calls `visit(j, number, standard error)` for the stored numbers of row i in `columns`, without the factor of the row.
+    ///
+    /// # Panics
+    /// If another rank stores the row, and this one does not receive it: see [`by_first`](Self::by_first).
+    #[track_caller]
+    pub(super) fn for_each_number(&self, i: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
+        match (&self.together, self.held_rows()) {
+            (Some(together), Some(held)) if !held.contains(&i) => {
+                let tile = together.fetched(i / SIDE);
+                let row = tile.row(i % SIDE);
+                let begin = row.partition_point(|entry| (entry.0 as usize) < columns.start);
+                let wanted = row[begin..].iter().take_while(|entry| (entry.0 as usize) < columns.end);
+                wanted.for_each(|&(j, value, error)| visit(j as usize, value, error));
+            }
+            _ => self.by_rows().for_each(i, columns, visit),
+        }
+    }
+}
