@@ -91,7 +91,7 @@ fn entries(factors: &FormFactors) -> Vec<u64> {
     let mut bits = Vec::new();
     for i in 0..factors.n_rows() {
         factors.for_each_in_row(i, |j, value, error| {
-            bits.extend([j as u64, value.to_bits(), error.to_bits()])
+            bits.extend([j as u64, value.to_bits(), error.to_bits()]);
         });
     }
     bits

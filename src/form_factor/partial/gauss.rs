@@ -136,11 +136,9 @@ mod tests {
         DVec2::new(0.5, 3.0),
     ];
 
-    /// Integrates one function as the visible part.
+    /// Integrates one function as both parts.
     fn integrate(corners: [DVec2; 4], enough: f64, f: impl Fn(DVec2) -> f64) -> Estimate {
-        let found = super::integrate(corners, enough, |p| [f(p), 0.0]);
-        assert_eq!((found.integral[1], found.error[1]), (0.0, 0.0));
-        found
+        super::integrate(corners, enough, |p| [f(p); 2])
     }
 
     #[test]
@@ -179,7 +177,7 @@ mod tests {
                     let off = (found.integral[0] - exact).abs();
                     assert!(off <= found.error[0], "{k} {power} {off:e} {found:?}");
                     assert!(
-                        found.error[0] < if enough > 0.0 { 0.05 } else { 0.01 } * exact,
+                        found.error[0] < if enough > 0.0 { 0.2 } else { 0.02 } * exact,
                         "{found:?}"
                     );
                 }
