@@ -479,7 +479,7 @@ mod tests {
         };
         let text = plan_storage(&by_rows, StorageWish::default()).unwrap_err().to_string();
         assert!(
-            text.contains("`sor`") && text.contains("GB") && text.contains("`pcg`") && !text.contains("`direct`"),
+            text.contains("`sor`") && text.contains("3.4 GiB") && text.contains("`pcg`") && !text.contains("`direct`"),
             "{text}"
         );
     }
