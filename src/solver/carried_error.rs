@@ -42,9 +42,9 @@ const FIRST_ORDER_UP_TO: f64 = 0.5;
 /// In `room-box` with 108 patches and 1000 random rays from each, the stated error is 2.2 times the root mean square of the true one over 24 runs for the patch where it is
 /// least, and 3.8 times on average; with `exact` no true error was above the stated one (`tests/library/solver/stated_error.rs`).
 ///
-/// Of a solution that has converged e is divided by 1 − q, the sum of all orders: e is T B with T = (I − ρF)⁻¹ ρ (h + u F), the next order is T e, and q² = Σ A (T e)² / Σ A e² in each channel of each set of
-/// patches that exchange light. Where e is below 1e-3 of the reflected light, that share is taken for q. From q = 0.5 on e is infinite:
-/// then nothing is known, as form factors are not exact enough for reflectances so near 1. Otherwise most of it is the residual's, which has no other order.
+/// e is then divided by 1 − q, the sum of all orders: but for the residual's part e is T B with T = (I − ρF)⁻¹ ρ (h + u F), the next order is T e, and q² = Σ A (T e)² / Σ A e² in each channel of each set of
+/// patches that exchange light. Where e is below 1e-3 of the reflected light of a solution that has converged, that share is taken for q. From q = 0.5 on e is infinite:
+/// then nothing is known, as form factors are not exact enough for reflectances so near 1.
 /// The error of the mesh (one radiosity for a whole patch) is no part of it. Infinite, too, where the system for e has not been solved.
 /// Shapes: \[n, c\]. Work: one pass over the form factors and one solve, or two of each.
 /// Departures: none.
@@ -98,16 +98,15 @@ pub(crate) fn carried_error_with(
     })
 }
 
-/// Returns all orders of the error that the sources of `system` cause. `reflected` is ρ H of the converged light, or `None` for the first order; `next` returns the sources that an error causes.
+/// Returns all orders of the error that the sources of `system` cause. `reflected` is ρ H of the converged light, or `None` for light that is not all there, which says nothing of how orders fall; `next` returns the sources that an error causes.
 pub(crate) fn carried(
     system: &RadiositySystem,
     reflected: Option<&Block>,
     next: impl Fn(&Block) -> Block,
 ) -> Result<Block, SolverError> {
     let mut error = solved(system)?;
-    let Some(reflected) = reflected else {
-        return Ok(error);
-    };
+    let nothing = Block::zeros(error.n_rows(), error.n_channels());
+    let reflected = reflected.unwrap_or(&nothing);
     let shares = shares_of_next_order(system, &error, reflected, next)?;
     for (i, room) in system.components().labels.iter().enumerate() {
         let of_room = shares.row(*room as usize).iter();

@@ -206,7 +206,7 @@ pub fn choose_storage(cx: &Context, model: &mut Model, matrix: MatrixDemand) -> 
             "each stores the tiles that its rows need;"
         };
         let why = format!(
-            "they share the work of form factors, checks, passes and pictures; {parts} {} of form factors on each, {:.0} % of exchange areas; whole on each are scene, trees and vectors: {}",
+            "work is shared; {parts} {} of form factors on each, {:.0} % of exchange areas; whole on each are scene, trees and vectors: {}",
             byte_text(memory.matrix_byte),
             100.0 * if chosen.plan.on_disk { 1.0 } else { demand.rank_share() },
             byte_text(rest_byte)
