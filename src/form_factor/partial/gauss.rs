@@ -70,14 +70,10 @@ static FOUR: Line<4> = Line::new(
     ROOTS,
 );
 
-/// How many times faster than measured the degrees are taken to grow.
-const CAUTION: f64 = 2.0;
-
 /// Integrates f over a convex quadrilateral from 9 points, and from 16 where these are not enough; `enough` is an error that is good enough.
 ///
-/// With c_mn the coefficients of f times the element of area in orthonormal Legendre polynomials of the points, e_k the norm of those whose higher degree is k, and
-/// r = max(e_k / e_{k−1}), k > 1, the speed at which the degrees fall, the first term that the rule misses has the degree 2N: it is about e_{N−1} r^{N+1} with N points a side. The error is taken as
-/// e_{N−1} max((2r)^{N−1}, 10^{1−N}), and as e_{N−1} at most.
+/// With c_mn the coefficients of f times the element of area in orthonormal Legendre polynomials of the points, the error is taken as the norm of those whose higher degree is N − 1, with N points a side:
+/// the rule integrates them exactly, and the first that it misses has the degree 2N.
 pub(super) fn integrate([a, b, c, d]: [DVec2; 4], enough: f64, mut f: impl FnMut(DVec2) -> Parts) -> Estimate {
     let mut look = |s: f64, t: f64| {
         let (s, t) = (0.5 + 0.5 * s, 0.5 + 0.5 * t);
@@ -103,23 +99,11 @@ fn product<const N: usize, const M: usize>(line: &Line<N>, mut f: impl FnMut(f64
     Estimate::of_parts(&values, |_, values| {
         let rows: [[f64; N]; N] = std::array::from_fn(|t| line.resolve(std::array::from_fn(|s| values[N * t + s])));
         let coefficients: [[f64; N]; N] = std::array::from_fn(|m| line.resolve(rows.map(|row| row[m])));
-        let mut squares = [0.0; N];
-        for (m, column) in coefficients.iter().enumerate() {
-            for (n, c) in column.iter().enumerate() {
-                squares[m.max(n)] += c * c;
-            }
-        }
-        let norms = squares.map(f64::sqrt);
-        let ratios = norms.windows(2).skip(1).map(|pair| pair[1] / pair[0]);
-        let (speed, mut gain, mut least) = (CAUTION * ratios.fold(0.0, f64::max), 1.0, 1.0);
-        for _ in 1..N {
-            gain *= speed;
-            least *= 0.1;
-        }
-        [
-            coefficients[0][0],
-            norms[N - 1] * gain.clamp(least, 1.0) + rounding(values),
-        ]
+        let last = coefficients[N - 1]
+            .iter()
+            .chain(coefficients[..N - 1].iter().map(|column| &column[N - 1]));
+        let square: f64 = last.map(|c| c * c).sum();
+        [coefficients[0][0], square.sqrt() + rounding(values)]
     })
 }
 

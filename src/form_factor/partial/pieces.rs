@@ -29,6 +29,9 @@ const HIDDEN: usize = 1;
 /// A cell is near the target up to so many of its radii from its middle: beyond, F₀ has no peak that the points of a rule could miss.
 const NEAR: f64 = 3.0;
 
+/// The least part of the largest polygon's size that the others have where discontinuity lines are where they should be, but for some 1e-10 of a cell.
+const ALIKE: f64 = 1e-6;
+
 /// How many times more than the largest share of F₀ on the points a part may have of what the points miss.
 const MORE_THAN_SEEN: f64 = 4.0;
 
@@ -56,8 +59,8 @@ pub(super) struct Sight {
     target_sides: Vec<(DVec3, f64)>,
     shadows: Shadows,
     low_edges: LowEdges,
-    /// Boxes around the occluders, seen from the origin of the receiver's frame.
-    boxes: Vec<(DVec3, DVec3)>,
+    /// Boxes around the occluders, seen from the origin of the receiver's frame; `None` where rounding may put discontinuity lines beside their places, as sizes differ too much.
+    boxes: Option<Vec<(DVec3, DVec3)>>,
     /// The bodies whose discontinuity lines were not looked for.
     pub(super) unlisted: Vec<Extent>,
     /// True if no discontinuity line crosses a cell: what a point of it does not hide, none does.
@@ -90,17 +93,27 @@ impl Sight {
             let inward = normal.cross(b - a).normalize_or_zero();
             (inward, inward.dot(a))
         });
+        let boxes: Vec<(DVec3, DVec3)> = occluders
+            .iter()
+            .map(|occluder| {
+                let (low, high) = super::bounds(&occluder.corners);
+                (receiver.seen_from_origin(low), receiver.seen_from_origin(high))
+            })
+            .collect();
+        let all = boxes
+            .iter()
+            .copied()
+            .chain([super::bounds(&moved), super::bounds(&receiver.corners)]);
+        let (smallest, largest) = all.fold((f64::INFINITY, 0.0_f64), |(small, large), (low, high)| {
+            let size = low.distance(high);
+            (small.min(size), large.max(size))
+        });
+        let are_alike = smallest > ALIKE * largest;
         Self {
             target_plane: (normal, normal.dot(moved[0])),
             target_sides: sides.collect(),
             target: moved,
-            boxes: occluders
-                .iter()
-                .map(|occluder| {
-                    let (low, high) = super::bounds(&occluder.corners);
-                    (receiver.seen_from_origin(low), receiver.seen_from_origin(high))
-                })
-                .collect(),
+            boxes: are_alike.then_some(boxes),
             receiver,
             shadows,
             low_edges,
@@ -158,7 +171,7 @@ impl Sight {
         let is_far = |&(low, high): &(DVec3, DVec3)| {
             (low - place).max(place - high).max(DVec3::ZERO).length_squared() > reach * reach
         };
-        self.boxes.iter().all(is_far)
+        self.boxes.as_ref().is_some_and(|boxes| boxes.iter().all(is_far))
     }
 
     /// Returns the error that discontinuity lines leave which are missed by `margin`: its square, unless the view changes within as little.
