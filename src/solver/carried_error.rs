@@ -105,8 +105,6 @@ pub(crate) fn carried(
     next: impl Fn(&Block) -> Block,
 ) -> Result<Block, SolverError> {
     let mut error = solved(system)?;
-    let nothing = Block::zeros(error.n_rows(), error.n_channels());
-    let reflected = reflected.unwrap_or(&nothing);
     let shares = shares_of_next_order(system, &error, reflected, next)?;
     for (i, room) in system.components().labels.iter().enumerate() {
         let of_room = shares.row(*room as usize).iter();
@@ -200,7 +198,7 @@ fn solved(system: &RadiositySystem) -> Result<Block, SolverError> {
 fn shares_of_next_order(
     system: &RadiositySystem,
     error: &Block,
-    reflected: &Block,
+    reflected: Option<&Block>,
     next: impl Fn(&Block) -> Block,
 ) -> Result<Block, SolverError> {
     let (rho, n_channels) = (system.reflectance(), error.n_channels());
@@ -215,10 +213,13 @@ fn shares_of_next_order(
             .flat_map(|patches| relative_errors_of(patches, system.areas(), of, all));
         Block::from_values(of_rooms.collect(), n_channels)
     };
-    let of_reflected = shares(error, reflected);
+    if !error.values().iter().all(|e| e.is_finite()) {
+        return Ok(Block::zeros(rooms.n_components, n_channels));
+    }
     let is_small = |share: &f64| *share <= NEGLIGIBLE;
-    if of_reflected.values().iter().all(is_small) || !error.values().iter().all(|e| e.is_finite()) {
-        return Ok(of_reflected);
+    let of_reflected = reflected.map(|reflected| shares(error, reflected));
+    if let Some(small) = of_reflected.filter(|of_reflected| of_reflected.values().iter().all(is_small)) {
+        return Ok(small);
     }
     let of_error = RadiositySystem::new(system.operator(), system.areas().to_vec(), rho.clone(), next(error))?;
     Ok(shares(&solved(&of_error)?, error))
