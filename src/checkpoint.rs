@@ -388,34 +388,8 @@ mod tests {
         fn rank(&self) -> usize {
             self.0
         }
-        fn host(&self) -> &'static str {
-            "here"
-        }
         fn all_gather(&self, own: &[u8]) -> Vec<Vec<u8>> {
             vec![own.to_vec(); self.1]
-        }
-        fn all_gather_numbers(&self, own: &[f64]) -> Vec<f64> {
-            own.to_vec()
-        }
-        fn begin(&self) -> u64 {
-            0
-        }
-        fn claim(&self, _work: u64, _n: u64, _window: u64) -> crate::ranks::Claim {
-            crate::ranks::Claim::Over
-        }
-        fn needs(&self, _work: u64, _chunk: u64) {}
-        fn post(&self, _work: u64, _chunk: u64, _result: Vec<u8>) {}
-        fn posted(&self, _work: u64, _wait: std::time::Duration) -> Vec<(u64, Vec<u8>)> {
-            Vec::new()
-        }
-        fn traffic(&self) -> crate::ranks::Traffic {
-            crate::ranks::Traffic::default()
-        }
-        fn end(&self, end: crate::ranks::End) -> crate::ranks::Verdict {
-            crate::ranks::Alone.end(end)
-        }
-        fn abort(&self, code: u8) -> ! {
-            crate::ranks::Alone.abort(code)
         }
     }
 

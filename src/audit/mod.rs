@@ -298,45 +298,23 @@ impl Worst {
     fn numbers(self) -> [f64; Self::N_NUMBERS] {
         let At { patch, other, channel } = self.at;
         let [patch, other, channel] = [patch, other, channel].map(|k| k.map_or(u64::MAX, |k| k as u64));
-        let [n_checked, n_violations, patch, other, channel] =
-            [self.n_checked, self.n_violations, patch, other, channel].map(f64::from_bits);
-        let (ratio, deviation, allowed) = (self.ratio, self.deviation, self.allowed);
-        [
-            n_checked,
-            n_violations,
-            patch,
-            other,
-            channel,
-            ratio,
-            deviation,
-            allowed,
-        ]
+        let [ratio, deviation, allowed] = [self.ratio, self.deviation, self.allowed].map(f64::to_bits);
+        let (checked, violations) = (self.n_checked, self.n_violations);
+        [checked, violations, ratio, deviation, allowed, patch, other, channel].map(f64::from_bits)
     }
 
     fn of_numbers(numbers: [f64; Self::N_NUMBERS]) -> Self {
-        let [
+        let [n_checked, n_violations, worst @ .., patch, other, channel] = numbers.map(f64::to_bits);
+        let [ratio, deviation, allowed] = worst.map(f64::from_bits);
+        let known = |k: u64| usize::try_from(k).ok().filter(|k| *k != usize::MAX);
+        let [patch, other, channel] = [patch, other, channel].map(known);
+        Self {
             n_checked,
             n_violations,
-            patch,
-            other,
-            channel,
             ratio,
             deviation,
             allowed,
-        ] = numbers;
-        let [patch, other, channel] = [patch, other, channel].map(|k| usize::try_from(k.to_bits()).ok());
-        let known = |k: Option<usize>| k.filter(|k| *k != usize::MAX);
-        Self {
-            n_checked: n_checked.to_bits(),
-            n_violations: n_violations.to_bits(),
-            ratio,
-            deviation,
-            allowed,
-            at: At {
-                patch: known(patch),
-                other: known(other),
-                channel: known(channel),
-            },
+            at: At { patch, other, channel },
         }
     }
 

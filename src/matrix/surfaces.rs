@@ -10,7 +10,7 @@ use super::tile::laplace;
 /// Surfaces whose rows are calculated at the same time.
 const AT_ONCE: usize = 256;
 
-/// Numbers of their patches that ranks exchange for that, but for those of a single surface.
+/// Sums of patches that are kept for that at the same time.
 const NUMBERS_AT_ONCE: usize = 1 << 24;
 
 /// Form factors between surfaces: the fraction of the light leaving S, equally bright all over, that reaches T.
@@ -108,55 +108,72 @@ impl FormFactors {
 impl SurfaceRows<'_> {
     /// Returns the rows of all surfaces in order, each when it is due. Collective.
     pub fn iter(&self) -> impl Iterator<Item = SurfaceRow> {
-        let mut next = 0;
-        std::iter::from_fn(move || {
-            let some = self.some_from(next);
-            next = some.end;
-            (!some.is_empty()).then_some(some)
-        })
-        .flat_map(|some| self.rows(some))
-    }
-
-    /// Returns the surfaces from `first` on whose rows are calculated together.
-    fn some_from(&self, first: usize) -> Range<usize> {
         let n = self.patches.len();
-        let mut n_numbers = 0;
-        let fits = |surface: &usize| {
-            n_numbers += (2 * n + 1) * self.patches[*surface].len();
-            n_numbers <= NUMBERS_AT_ONCE || *surface == first
-        };
-        first..first + (first..n.min(first + AT_ONCE)).take_while(fits).count()
+        let starts = (0..n).step_by(AT_ONCE);
+        starts.flat_map(move |start| self.rows(start..n.min(start + AT_ONCE)))
     }
 
     /// Returns 1 − Σ_T F_ST of every surface S: far less work than the rows. Collective.
     #[must_use]
     pub fn lost_factors(&self) -> Vec<f64> {
         let row_sums = self.factors.row_sums();
-        let lost = |patches: &Vec<usize>| self.lost_factor(patches.iter().map(|&i| (i, row_sums[i])));
+        let lost = |patches: &Vec<usize>| {
+            let area = self.area(patches);
+            patches
+                .iter()
+                .map(|&i| self.factors.areas[i] / area * (1.0 - row_sums[i]))
+                .sum()
+        };
         self.patches.iter().map(lost).collect()
     }
 
-    /// Returns 1 − Σ_T F_ST of a surface from its patches and their row sums.
-    fn lost_factor(&self, patches: impl Iterator<Item = (usize, f64)> + Clone) -> f64 {
-        let area = |i: usize| self.factors.areas[i];
-        let whole: f64 = patches.clone().map(|(i, _)| area(i)).sum();
-        patches.map(|(i, sum)| area(i) / whole * (1.0 - sum)).sum()
+    fn area(&self, patches: &[usize]) -> f64 {
+        patches.iter().map(|&i| self.factors.areas[i]).sum()
     }
 
     /// Returns the rows of some surfaces, each rank giving the sums of its own patches.
     fn rows(&self, some: Range<usize>) -> Vec<SurfaceRow> {
         let n_surfaces = self.patches.len();
-        let mut patches: Vec<usize> = self.patches[some.clone()].concat();
-        patches.sort_unstable();
+        let n_numbers = 2 * n_surfaces + 1;
+        let surfaces = &self.patches[some];
+        let mut all: Vec<usize> = surfaces.concat();
+        all.sort_unstable();
         let of_rank = self.factors.own_rows();
-        let own: Vec<usize> = patches.iter().copied().filter(|i| of_rank.contains(i)).collect();
-        let own: Vec<Vec<f64>> = own.par_iter().map(|&i| self.sums_of_patch(i)).collect();
-        // Ranks have rows in order, and so the patches come in order.
-        let sums = self.factors.gathered(own.concat());
-        let sums: Vec<&[f64]> = sums.chunks_exact(2 * n_surfaces + 1).collect();
-        let of_patch = |i: &usize| (*i, sums[patches.partition_point(|other| other < i)]);
-        let row = |surface: &Vec<usize>| self.row(&surface.iter().map(of_patch).collect::<Vec<_>>());
-        self.patches[some].par_iter().map(row).collect()
+        let nothing = |patches: &Vec<usize>| {
+            let row = SurfaceRow {
+                area: self.area(patches),
+                form_factor: vec![0.0; n_surfaces],
+                error: vec![0.0; n_surfaces],
+                lost_factor: 0.0,
+            };
+            (row, vec![0.0; n_surfaces])
+        };
+        let mut rows: Vec<(SurfaceRow, Vec<f64>)> = surfaces.iter().map(nothing).collect();
+        for part in all.chunks((NUMBERS_AT_ONCE / n_numbers).max(1)) {
+            let own: Vec<usize> = part.iter().copied().filter(|i| of_rank.contains(i)).collect();
+            let own: Vec<Vec<f64>> = own.par_iter().map(|&i| self.sums_of_patch(i)).collect();
+            // Ranks have rows in order, and so the patches come in order.
+            let sums = self.factors.gathered(own.concat());
+            let sums: Vec<&[f64]> = sums.chunks_exact(n_numbers).collect();
+            let (first, last) = (part[0], part[part.len() - 1]);
+            rows.par_iter_mut()
+                .zip(surfaces)
+                .for_each(|((row, variance), patches)| {
+                    let begin = patches.partition_point(|i| *i < first);
+                    for &i in patches[begin..].iter().take_while(|i| **i <= last) {
+                        let numbers = sums[part.partition_point(|other| *other < i)];
+                        self.add(row, variance, i, numbers);
+                    }
+                });
+        }
+        let finish = |(mut row, variance): (SurfaceRow, Vec<f64>)| {
+            row.error
+                .iter_mut()
+                .zip(variance)
+                .for_each(|(error, v)| *error += v.sqrt());
+            row
+        };
+        rows.into_iter().map(finish).collect()
     }
 
     /// Returns the sums of a patch's form factors to each surface, of their errors, and of all form factors.
@@ -177,35 +194,23 @@ impl SurfaceRows<'_> {
         numbers
     }
 
-    /// Returns the row of a surface from its patches and their sums.
-    fn row(&self, patches: &[(usize, &[f64])]) -> SurfaceRow {
+    /// Adds what patch i says to the row of its surface, whose `error` is that without noise, and to the variances of its noise.
+    fn add(&self, row: &mut SurfaceRow, variance: &mut [f64], i: usize, numbers: &[f64]) {
         let (factors, n_surfaces) = (self.factors, self.patches.len());
-        let area: f64 = patches.iter().map(|&(i, _)| factors.areas[i]).sum();
-        let mut form_factor = vec![0.0; n_surfaces];
-        let mut variance = vec![0.0; n_surfaces];
-        let mut common = vec![0.0; n_surfaces];
-        for &(i, numbers) in patches {
-            let (sums, errors) = numbers.split_at(n_surfaces);
-            let n_rays = factors.tallies[i].effective_rays().filter(|_| !factors.is_symmetric());
-            let weight = factors.areas[i] / area;
-            // No count proves that there is nothing, whatever became of the counts afterwards: where errors are added up, what no ray hit is one more cell.
-            let counted = factors.tallies[i].effective_rays();
-            for t in 0..n_surfaces {
-                form_factor[t] += weight * sums[t];
-                if let Some(n) = counted {
-                    let seen = n_rays.map_or(0.0, |_| sums[t]);
-                    let p = laplace(n, seen).clamp(0.0, 1.0);
-                    variance[t] += weight * weight * p * (1.0 - p) / n;
-                }
-                common[t] += weight * errors[t];
+        let (sums, errors) = numbers.split_at(n_surfaces);
+        let n_rays = factors.tallies[i].effective_rays().filter(|_| !factors.is_symmetric());
+        let weight = factors.areas[i] / row.area;
+        // No count proves that there is nothing, whatever became of the counts afterwards: where errors are added up, what no ray hit is one more cell.
+        let counted = factors.tallies[i].effective_rays();
+        for t in 0..n_surfaces {
+            row.form_factor[t] += weight * sums[t];
+            if let Some(n) = counted {
+                let seen = n_rays.map_or(0.0, |_| sums[t]);
+                let p = laplace(n, seen).clamp(0.0, 1.0);
+                variance[t] += weight * weight * p * (1.0 - p) / n;
             }
+            row.error[t] += weight * errors[t];
         }
-        let error = variance.iter().zip(&common).map(|(v, c)| v.sqrt() + c).collect();
-        SurfaceRow {
-            area,
-            form_factor,
-            error,
-            lost_factor: self.lost_factor(patches.iter().map(|&(i, numbers)| (i, numbers[2 * n_surfaces]))),
-        }
+        row.lost_factor += weight * (1.0 - errors[n_surfaces]);
     }
 }

@@ -116,7 +116,6 @@ mod tests {
 
     use super::*;
     use crate::ranks::counter::Counter;
-    use crate::ranks::{Alone, End, Traffic, Verdict};
 
     /// A rank among threads of one process.
     #[derive(Debug)]
@@ -134,17 +133,8 @@ mod tests {
         fn rank(&self) -> usize {
             self.rank
         }
-        fn host(&self) -> &'static str {
-            "here"
-        }
         fn all_gather(&self, own: &[u8]) -> Vec<Vec<u8>> {
             vec![own.to_vec()]
-        }
-        fn all_gather_numbers(&self, own: &[f64]) -> Vec<f64> {
-            own.to_vec()
-        }
-        fn begin(&self) -> u64 {
-            0
         }
         fn claim(&self, _work: u64, n: u64, window: u64) -> Claim {
             self.counter.lock().expect("no panic").claim(n, window)
@@ -161,15 +151,6 @@ mod tests {
         fn posted(&self, _work: u64, wait: Duration) -> Vec<(u64, Vec<u8>)> {
             let inbox = self.inbox.lock().expect("no panic");
             inbox.recv_timeout(wait).into_iter().chain(inbox.try_iter()).collect()
-        }
-        fn traffic(&self) -> Traffic {
-            Traffic::default()
-        }
-        fn end(&self, end: End) -> Verdict {
-            Alone.end(end)
-        }
-        fn abort(&self, code: u8) -> ! {
-            Alone.abort(code)
         }
     }
 

@@ -25,7 +25,7 @@ use std::time::Duration;
 
 /// The ranks that work together; one of them is this process.
 ///
-/// Methods that are *collective* return on each rank once all ranks have called them, in the same order on each.
+/// Methods that are *collective* return on each rank once all ranks have called them, in the same order on each. Those that share work out do so for ranks that need it; without more, there is nothing to share.
 pub trait Ranks: Debug + Send + Sync {
     /// Returns K, the number of ranks.
     fn size(&self) -> usize;
@@ -33,38 +33,61 @@ pub trait Ranks: Debug + Send + Sync {
     /// Returns the number of this rank, below K.
     fn rank(&self) -> usize;
 
-    /// Returns the name of the machine.
-    fn host(&self) -> &str;
-
     /// Returns what each rank gives, in the order of ranks. Collective.
     fn all_gather(&self, own: &[u8]) -> Vec<Vec<u8>>;
 
+    /// Returns the name of the machine.
+    #[expect(clippy::unnecessary_literal_bound, reason = "machines have names of their own")]
+    fn host(&self) -> &str {
+        "this machine"
+    }
+
     /// Returns the numbers that each rank gives, one after the other in the order of ranks. Collective.
-    fn all_gather_numbers(&self, own: &[f64]) -> Vec<f64>;
+    fn all_gather_numbers(&self, own: &[f64]) -> Vec<f64> {
+        let bytes: Vec<u8> = own.iter().flat_map(|x| x.to_le_bytes()).collect();
+        let all = self.all_gather(&bytes).concat();
+        all.as_chunks().0.iter().map(|x| f64::from_le_bytes(*x)).collect()
+    }
 
     /// Returns the number of the next piece of work that is shared out. Each rank gets the same, as it asks in the same order.
-    fn begin(&self) -> u64;
+    fn begin(&self) -> u64 {
+        0
+    }
 
     /// Takes the next of `n` chunks of a piece of work, unless it is `window` chunks or more ahead of the rank that [needs](Self::needs) the earliest.
-    fn claim(&self, work: u64, n: u64, window: u64) -> Claim;
+    fn claim(&self, _work: u64, _n: u64, _window: u64) -> Claim {
+        Claim::Over
+    }
 
     /// Reports that this rank has received all results of a piece of work before those of `chunk`.
-    fn needs(&self, work: u64, chunk: u64);
+    fn needs(&self, _work: u64, _chunk: u64) {}
 
     /// Sends the result of a chunk to all other ranks.
-    fn post(&self, work: u64, chunk: u64, result: Vec<u8>);
+    fn post(&self, _work: u64, _chunk: u64, _result: Vec<u8>) {}
 
     /// Returns the results of chunks that other ranks sent and that were not returned before; waits for one as long as `wait`.
-    fn posted(&self, work: u64, wait: Duration) -> Vec<(u64, Vec<u8>)>;
+    fn posted(&self, _work: u64, _wait: Duration) -> Vec<(u64, Vec<u8>)> {
+        Vec::new()
+    }
 
     /// Returns what this rank has sent so far.
-    fn traffic(&self) -> Traffic;
+    fn traffic(&self) -> Traffic {
+        Traffic::default()
+    }
 
     /// Ends the work of this rank with an exit code, and returns how the program ends: collective, but for failures that other ranks do not share.
-    fn end(&self, end: End) -> Verdict;
+    fn end(&self, end: End) -> Verdict {
+        Verdict {
+            code: end.code,
+            speaks: end.failed,
+            aborts: false,
+        }
+    }
 
     /// Ends all ranks at once.
-    fn abort(&self, code: u8) -> !;
+    fn abort(&self, code: u8) -> ! {
+        std::process::exit(code.into())
+    }
 
     /// Returns whether this rank prints and writes files.
     fn is_first(&self) -> bool {
@@ -136,48 +159,11 @@ impl Ranks for Alone {
         0
     }
 
-    fn host(&self) -> &'static str {
-        "this machine"
-    }
-
     fn all_gather(&self, own: &[u8]) -> Vec<Vec<u8>> {
         vec![own.to_vec()]
     }
 
     fn all_gather_numbers(&self, own: &[f64]) -> Vec<f64> {
         own.to_vec()
-    }
-
-    fn begin(&self) -> u64 {
-        0
-    }
-
-    /// Gives out nothing: whoever is alone needs no one to share work out.
-    fn claim(&self, _work: u64, _n: u64, _window: u64) -> Claim {
-        Claim::Over
-    }
-
-    fn needs(&self, _work: u64, _chunk: u64) {}
-
-    fn post(&self, _work: u64, _chunk: u64, _result: Vec<u8>) {}
-
-    fn posted(&self, _work: u64, _wait: Duration) -> Vec<(u64, Vec<u8>)> {
-        Vec::new()
-    }
-
-    fn traffic(&self) -> Traffic {
-        Traffic::default()
-    }
-
-    fn end(&self, end: End) -> Verdict {
-        Verdict {
-            code: end.code,
-            speaks: end.failed,
-            aborts: false,
-        }
-    }
-
-    fn abort(&self, code: u8) -> ! {
-        std::process::exit(code.into())
     }
 }

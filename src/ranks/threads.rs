@@ -1,9 +1,8 @@
 //! Ranks that are threads of one process, for tests.
 
 use std::sync::{Arc, Barrier, Mutex, PoisonError};
-use std::time::Duration;
 
-use super::{Alone, Claim, End, Ranks, Traffic, Verdict};
+use super::Ranks;
 
 /// The place where the ranks of a test meet.
 #[derive(Debug)]
@@ -44,9 +43,6 @@ impl Ranks for ThreadRank {
     fn rank(&self) -> usize {
         self.rank
     }
-    fn host(&self) -> &'static str {
-        "here"
-    }
     fn all_gather(&self, own: &[u8]) -> Vec<Vec<u8>> {
         let given = || self.meeting.given.lock().unwrap_or_else(PoisonError::into_inner);
         given()[self.rank] = own.to_vec();
@@ -54,30 +50,5 @@ impl Ranks for ThreadRank {
         let all = given().clone();
         self.meeting.barrier.wait();
         all
-    }
-    fn all_gather_numbers(&self, own: &[f64]) -> Vec<f64> {
-        let bytes: Vec<u8> = own.iter().flat_map(|x| x.to_le_bytes()).collect();
-        let all = self.all_gather(&bytes).concat();
-        all.as_chunks().0.iter().map(|x| f64::from_le_bytes(*x)).collect()
-    }
-    fn begin(&self) -> u64 {
-        0
-    }
-    fn claim(&self, _work: u64, _n: u64, _window: u64) -> Claim {
-        Claim::Over
-    }
-    fn needs(&self, _work: u64, _chunk: u64) {}
-    fn post(&self, _work: u64, _chunk: u64, _result: Vec<u8>) {}
-    fn posted(&self, _work: u64, _wait: Duration) -> Vec<(u64, Vec<u8>)> {
-        Vec::new()
-    }
-    fn traffic(&self) -> Traffic {
-        Traffic::default()
-    }
-    fn end(&self, end: End) -> Verdict {
-        Alone.end(end)
-    }
-    fn abort(&self, code: u8) -> ! {
-        Alone.abort(code)
     }
 }

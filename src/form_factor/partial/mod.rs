@@ -27,6 +27,7 @@ mod rays;
 mod receiver;
 mod rule;
 mod shadow;
+mod sight;
 mod sunlit;
 mod view_cells;
 
@@ -43,11 +44,12 @@ use cells::{Cells, Shape};
 use events::Outline;
 use flat::Flat;
 pub(crate) use free_point::{Place, PointViews};
-use pieces::{Pieces, Sight, Views};
+use pieces::Pieces;
 pub use point::VisibleFactor;
 pub(super) use rays::by_rays;
 use receiver::Receiver;
 use shadow::Shadows;
+use sight::{Sight, Views};
 pub(crate) use sunlit::{Lit, lit_part};
 pub(crate) use view_cells::Scratch;
 
@@ -518,7 +520,7 @@ impl<'a> View<'a> {
             }
             looks.extend(shape.triangles().map(|corners| sight.look_at_triangle(corners, enough)));
         }
-        Pieces::new(sight, self.whole, looks, enough, unlisted)
+        Pieces::new(sight, self.whole, &looks, enough, unlisted)
     }
 }
 

@@ -562,6 +562,35 @@ mod tests {
     }
 
     #[test]
+    fn several_bodies_are_told_from_sides_of_one() {
+        let receiver = Receiver::new(rectangle(DVec3::ZERO, DVec3::X, DVec3::Y), DVec3::Z);
+        let may_hide = |occluders: &[(Vec<DVec3>, bool)]| {
+            let occluder = |(corners, one_sided): &(Vec<DVec3>, bool)| Occluder {
+                corners: corners.into(),
+                one_sided: *one_sided,
+                body: None,
+            };
+            let list: Vec<_> = occluders.iter().map(occluder).collect();
+            let mut shadows = Shadows::new(&receiver, &ceiling(), &list);
+            shadows.find_bodies();
+            shadows.several_may_hide(POINT)
+        };
+        let plate = |x: f64, z: f64| (rectangle(DVec3::new(x, 0.4, z), DVec3::X * 0.1, DVec3::Y * 0.1), false);
+        assert!(!may_hide(&[plate(0.2, 0.5)]));
+        assert!(may_hide(&[plate(0.2, 0.5), plate(0.35, 0.5)]));
+        // One wholly in the other's shadow, whatever hides more, and one that hides nothing of the target.
+        assert!(may_hide(&[plate(0.2, 0.3), plate(0.22, 0.4)]));
+        assert!(!may_hide(&[plate(0.2, 0.5), plate(0.8, 0.3)]));
+        // The lower side of a box and the one that looks along −x: both hide something.
+        let (low, high) = (DVec3::new(0.4, 0.3, 0.3), DVec3::new(0.6, 0.6, 0.6));
+        let size = high - low;
+        let below = rectangle(low, DVec3::Y * size.y, DVec3::X * size.x);
+        let beside = rectangle(low, DVec3::Z * size.z, DVec3::Y * size.y);
+        assert!(!may_hide(&[(below.clone(), true), (beside.clone(), true)]));
+        assert!(may_hide(&[(below, false), (beside, false)]));
+    }
+
+    #[test]
     fn nothing_is_left_behind_a_screen_of_pieces() {
         let mut screen = Vec::new();
         for k in 0..9 {

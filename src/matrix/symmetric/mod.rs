@@ -1,8 +1,10 @@
 //! Symmetric matrices: the upper triangle in square tiles, each applied together with its transpose.
 
+mod build;
 mod pass;
 mod tiles;
 
 #[cfg(all(test, unix))]
-pub(super) use tiles::row_of_tiles;
-pub(super) use tiles::{from_blocks, from_rows, row_factors};
+pub(super) use build::row_of_tiles;
+pub(super) use build::{from_blocks, from_rows};
+pub(super) use tiles::row_factors;

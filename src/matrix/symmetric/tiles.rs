@@ -7,18 +7,18 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::build::row_of_tiles;
 use super::pass::{PassSums, PieceOfY};
-use crate::in_order::{InOrder, by_turns};
+use crate::in_order::InOrder;
 use crate::matrix::backend::{Backend, share_of};
-use crate::matrix::choice::{Layout, Place, Precision, StorageChoice};
+use crate::matrix::choice::{Layout, Place, StorageChoice};
 use crate::matrix::disk::{Band, Part, TileFile, visit_nothing_known};
 use crate::matrix::error::{DiskError, MatrixError};
 use crate::matrix::kernel::planes::Planes;
-use crate::matrix::kernel::scalar::{Scalar, rounded};
+use crate::matrix::kernel::scalar::Scalar;
 use crate::matrix::kernel::sizes::{SIDE, block_rows, for_each_block};
 use crate::matrix::operator::Block;
-use crate::matrix::square::{Placed, Square};
-use crate::matrix::tile::{RowTile, index};
+use crate::matrix::square::Square;
 use crate::matrix::together::{blocks_of, decode, encode, rows_of, stored_rows};
 use crate::ranks::Ranks;
 use crate::threads;
@@ -29,128 +29,9 @@ pub(in crate::matrix) fn row_factors(areas: &[f64]) -> Vec<f64> {
     areas.iter().map(|a| area_max / a).collect()
 }
 
-/// Stores the s_ij = A_i F_ij / max A between patches of these areas, of which `upper` gives the entries on and above the diagonal for each of [`block_rows`], in parallel: those in the
-/// columns that it gets, which are all that this rank stores of the block.
-pub(in crate::matrix) fn from_blocks(
-    areas: &[f64],
-    choice: StorageChoice<'_>,
-    upper: impl Fn(Range<usize>, Range<usize>) -> RowTile + Sync,
-) -> Result<Arc<dyn Backend>, MatrixError> {
-    fn build<T: Scalar>(
-        areas: &[f64],
-        choice: StorageChoice<'_>,
-        upper: impl Fn(Range<usize>, Range<usize>) -> RowTile + Sync,
-    ) -> Result<Arc<dyn Backend>, MatrixError> {
-        let n = areas.len();
-        let part = Stored::new(n, choice);
-        let blocks: Vec<_> = block_rows(n).collect();
-        let row_byte = (n * SIDE * size_of::<Placed<T>>()) as u64;
-        let work = |k: usize| {
-            let columns = part.columns(k);
-            if columns.is_empty() {
-                return Ok(Vec::new());
-            }
-            let tile = upper(blocks[k].clone(), rows_of(n, &columns));
-            row_of_tiles::<T>(&tile, n, choice.layout, columns)
-        };
-        let rows = InOrder::new(blocks.len(), row_byte, choice.place.waiting_byte(), work);
-        Ok(Arc::new(Tiles::<T>::collect(
-            row_factors(areas),
-            choice.place,
-            part.clone(),
-            rows,
-        )?))
-    }
-    match choice.precision {
-        Precision::F64 => build::<f64>(areas, choice, upper),
-        Precision::F32 => build::<f32>(areas, choice, upper),
-    }
-}
-
-/// Stores the s_ij = A_i F_ij / max A between patches of these areas, of which `upper` yields the entries on and above the diagonal for each of [`block_rows`] in order.
-///
-/// `E` is the error of the iterator.
-pub(in crate::matrix) fn from_rows<E: From<MatrixError> + Send>(
-    areas: &[f64],
-    choice: StorageChoice<'_>,
-    upper: impl Iterator<Item = Result<RowTile, E>>,
-) -> Result<Arc<dyn Backend>, E> {
-    fn build<T: Scalar, E: From<MatrixError> + Send>(
-        areas: &[f64],
-        choice: StorageChoice<'_>,
-        upper: impl Iterator<Item = Result<RowTile, E>>,
-    ) -> Result<Arc<dyn Backend>, E> {
-        let n = areas.len();
-        let part = Stored::new(n, choice);
-        let rows = by_turns(upper, |tile| {
-            let tile: RowTile = tile?;
-            let columns = part.columns(tile.first_row() / SIDE);
-            Ok::<_, E>(row_of_tiles::<T>(&tile, n, choice.layout, columns)?)
-        });
-        Ok(Arc::new(Tiles::<T>::collect(
-            row_factors(areas),
-            choice.place,
-            part.clone(),
-            rows,
-        )?))
-    }
-    match choice.precision {
-        Precision::F64 => build::<f64, E>(areas, choice, upper),
-        Precision::F32 => build::<f32, E>(areas, choice, upper),
-    }
-}
-
-/// Cuts rows of the upper triangle into the tiles of some blocks of `columns`; the one on the diagonal gets its lower half.
-pub(in crate::matrix) fn row_of_tiles<T: Scalar>(
-    upper: &RowTile,
-    n: usize,
-    layout: Layout,
-    columns: Range<usize>,
-) -> Result<Vec<Square<T>>, MatrixError> {
-    let rows = upper.first_row()..upper.first_row() + upper.n_rows();
-    let begin = columns.start * SIDE;
-    let end = n.min(columns.end * SIDE);
-    let mut tiles: Vec<Vec<Placed<T>>> = vec![Vec::new(); columns.len()];
-    for i in rows.clone() {
-        for &entry in upper.row(i - rows.start) {
-            // Another rank stores what lies elsewhere; what lies below the diagonal nobody does.
-            if (entry.0 as usize >= rows.start && (entry.0 as usize) < begin) || entry.0 as usize >= end.max(begin) {
-                continue;
-            }
-            let (value, std_error) = rounded::<T>(i, entry, n)?;
-            if value.to_f64().abs() <= 0.0 && std_error <= 0.0 {
-                continue; // Too small for the precision.
-            }
-            let j = entry.0 as usize;
-            if j < i {
-                return Err(MatrixError::BelowDiagonal {
-                    row: i,
-                    column: entry.0,
-                });
-            }
-            tiles[j / SIDE - columns.start].push((i, entry.0, value, std_error));
-            if i < j && j < rows.end {
-                tiles[0].push((j, index(i), value, std_error));
-            }
-        }
-    }
-    if begin == rows.start
-        && let Some(diagonal) = tiles.first_mut()
-    {
-        diagonal.sort_unstable_by_key(|&(i, j, ..)| (i, j));
-    }
-    let square = |(k, entries): (usize, &Vec<_>)| {
-        let first = begin + k * SIDE;
-        Square::new(entries, &rows, &(first..n.min(first + SIDE)), layout)
-    };
-    let mut squares: Vec<_> = tiles.iter().enumerate().map(square).collect();
-    Square::join_lists(&mut squares);
-    Ok(squares)
-}
-
 /// The tiles that this rank stores.
 #[derive(Clone, Debug)]
-struct Stored {
+pub(super) struct Stored {
     n_blocks: usize,
     layout: Layout,
     /// The blocks of rows that are this rank's, all tiles of which it stores, and the ranks; `None` where it stores all tiles.
@@ -159,7 +40,7 @@ struct Stored {
 
 impl Stored {
     /// Returns what is stored of an n by n matrix: on several ranks a part, unless it is on a disk.
-    fn new(n: usize, choice: StorageChoice<'_>) -> Self {
+    pub(super) fn new(n: usize, choice: StorageChoice<'_>) -> Self {
         let among = choice.ranks.filter(|_| !choice.place.is_on_disk());
         Self {
             n_blocks: block_rows(n).len(),
@@ -172,7 +53,7 @@ impl Stored {
     }
 
     /// Returns the J of the tiles (I, J), J ≥ I, that are stored: all where row I is this rank's, else those of its columns.
-    fn columns(&self, row: usize) -> Range<usize> {
+    pub(super) fn columns(&self, row: usize) -> Range<usize> {
         match &self.own {
             Some((own, _)) if !own.contains(&row) => own.start.max(row).min(own.end)..own.end,
             _ => row..self.n_blocks,
@@ -182,7 +63,7 @@ impl Stored {
 
 /// The tiles (I, J) with J ≥ I, or those that this rank stores.
 #[derive(Debug)]
-struct Tiles<T> {
+pub(super) struct Tiles<T> {
     n: usize,
     /// f_i = max A / A_i: F_ij = f_i s_ij.
     row_factors: Vec<f64>,
@@ -229,6 +110,16 @@ fn pieces(n: usize) -> Vec<Range<usize>> {
 }
 
 impl<T: Scalar> Tiles<T> {
+    /// Keeps rows of tiles of exchange areas between patches of these areas. Collective where ranks store parts.
+    pub(super) fn of_rows<E: From<MatrixError>>(
+        areas: &[f64],
+        choice: StorageChoice<'_>,
+        part: Stored,
+        rows: impl Iterator<Item = Result<Vec<Square<T>>, E>>,
+    ) -> Result<Arc<dyn Backend>, E> {
+        Ok(Arc::new(Self::collect(row_factors(areas), choice.place, part, rows)?))
+    }
+
     /// Keeps rows of tiles, all [`block_rows`] of them. Collective where ranks store parts.
     fn collect<E: From<MatrixError>>(
         row_factors: Vec<f64>,
@@ -521,8 +412,7 @@ impl<T: Scalar> Backend for Tiles<T> {
                 .filter_map(|(rank, bytes)| {
                     let k = block(of_rank(rank))?;
                     let tiles = row_of_tiles::<T>(&decode(k * SIDE, bytes), self.n, all.layout, all.columns(k));
-                    // What was stored once is stored again.
-                    Some((k, tiles.ok()?))
+                    Some((k, tiles.expect("what was stored is stored again")))
                 })
                 .collect();
             for (k, tiles) in made {

@@ -1,0 +1,400 @@
+//! The views of a target from the cells of a receiver: from which points a cell is looked at, and how well its integrals are known.
+
+use glam::{DVec2, DVec3};
+
+use super::bodies::Extent;
+use super::cells::Shape;
+use super::flat::Flat;
+use super::gauss;
+use super::layers::LowEdges;
+use super::receiver::Receiver;
+use super::rule::{self, Estimate, Parts};
+use super::shadow::Shadows;
+use super::{MIN_SHARE, UNSEEN_SHARE, Whole};
+use crate::geometry::polygon;
+use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance};
+use crate::visibility::occluders::Occluder;
+
+/// The places of the parts in [`Parts`].
+pub(super) const VISIBLE: usize = 0;
+pub(super) const HIDDEN: usize = 1;
+
+/// A cell is near the target up to so many of its radii from its middle: beyond, F₀ has no peak that the points of a rule could miss.
+const NEAR: f64 = 3.0;
+
+/// The least part of the largest polygon's size that the others have where discontinuity lines are where they should be, but for some 1e-10 of a cell.
+const ALIKE: f64 = 1e-6;
+
+/// How many times more than the largest share of F₀ on the points a part may have of what the points miss.
+const MORE_THAN_SEEN: f64 = 4.0;
+
+/// A closed form costs as much as some evaluations: the other part is taken where its error is this many times smaller.
+const BETTER: f64 = 0.5;
+
+/// The fraction of a cell that a shadow may cover without touching a point of a rule.
+const BETWEEN_POINTS: f64 = 0.15;
+
+/// The same where the shadow is wider than the points are apart, and so only reaches in.
+const AT_A_SIDE: f64 = 0.03;
+
+/// The fraction of a cell beyond the points on its border.
+const BEYOND_POINTS: f64 = 1e-3;
+
+/// Edges up to this part of the receiver's size above it run in its plane.
+const IN_PLANE: f64 = 1e-13;
+
+/// The visible part of a target from the points of its receiver.
+pub(super) struct Sight {
+    pub(super) receiver: Receiver,
+    /// The target, its plane, and the half-planes that it is made of: seen from the origin of the receiver's frame.
+    target: Vec<DVec3>,
+    target_plane: (DVec3, f64),
+    target_sides: Vec<(DVec3, f64)>,
+    shadows: Shadows,
+    low_edges: LowEdges,
+    /// Boxes around the occluders, seen from the origin of the receiver's frame; `None` where rounding may put discontinuity lines beside their places, as sizes differ too much.
+    boxes: Option<Vec<(DVec3, DVec3)>>,
+    /// The bodies whose discontinuity lines were not looked for.
+    pub(super) unlisted: Vec<Extent>,
+    /// True if no discontinuity line crosses a cell: what a point of it does not hide, none does.
+    pub(super) is_whole: bool,
+    /// True if all occluders are sides of one convex body.
+    pub(super) is_one_body: bool,
+    /// True if hidden parts are looked at in cells near the target alone: elsewhere F₀ has no peak, and where the tolerance is loose what is visible is enough.
+    pub(super) is_loose: bool,
+}
+
+impl Sight {
+    /// Prepares what `shadows` sees.
+    pub(super) fn new(receiver: Receiver, target: &[DVec3], occluders: &[Occluder<'_>], shadows: Shadows) -> Self {
+        let outer: Vec<DVec2> = receiver.corners.iter().map(|&v| receiver.to_plane(v)).collect();
+        let outlines = occluders.iter().map(|b| &*b.corners).chain(std::iter::once(target));
+        let edges = outlines.flat_map(|corners| {
+            let next = corners.iter().cycle().skip(1);
+            corners
+                .iter()
+                .zip(next)
+                .map(|(&a, &b)| [receiver.in_frame(a), receiver.in_frame(b)])
+        });
+        let plane = Flat::with_normal(&receiver.corners, receiver.normal);
+        let low_edges = LowEdges::new(edges, &outer, plane.tolerance(receiver.corners[0], IN_PLANE));
+        // Small numbers keep the digits that narrow cells need.
+        let moved: Vec<DVec3> = target.iter().map(|&v| receiver.seen_from_origin(v)).collect();
+        let normal = polygon::area_vector(&moved).normalize_or_zero();
+        let next = moved.iter().cycle().skip(1);
+        let sides = moved.iter().zip(next).map(|(&a, &b)| {
+            let inward = normal.cross(b - a).normalize_or_zero();
+            (inward, inward.dot(a))
+        });
+        let boxes: Vec<(DVec3, DVec3)> = occluders
+            .iter()
+            .map(|occluder| {
+                let (low, high) = super::bounds(&occluder.corners);
+                (receiver.seen_from_origin(low), receiver.seen_from_origin(high))
+            })
+            .collect();
+        let all = boxes
+            .iter()
+            .copied()
+            .chain([super::bounds(&moved), super::bounds(&receiver.corners)]);
+        let (smallest, largest) = all.fold((f64::INFINITY, 0.0_f64), |(small, large), (low, high)| {
+            let size = low.distance(high);
+            (small.min(size), large.max(size))
+        });
+        let are_alike = smallest > ALIKE * largest;
+        Self {
+            target_plane: (normal, normal.dot(moved[0])),
+            target_sides: sides.collect(),
+            target: moved,
+            boxes: are_alike.then_some(boxes),
+            receiver,
+            shadows,
+            low_edges,
+            unlisted: Vec::new(),
+            is_whole: false,
+            is_one_body: false,
+            is_loose: false,
+        }
+    }
+
+    pub(super) fn find_bodies(&mut self) {
+        self.shadows.find_bodies();
+    }
+
+    /// Returns a cell with what is known of the views from it.
+    ///
+    /// Views change on discontinuity lines, and on curves where the edges of three convex bodies cross, the target among them: beside these lines, each body alone hides something from all points or from none.
+    pub(super) fn site(&mut self, shape: Shape) -> Site {
+        let (middle, radius) = circle(shape);
+        let reach = NEAR * radius;
+        let is_of_one_body =
+            self.is_whole && (self.is_one_body || !self.shadows.several_may_hide(self.receiver.to_world(middle)));
+        let is_near = self.distance(middle) < reach;
+        let views = match is_of_one_body {
+            true if !is_near && self.is_far_from_occluders(middle, reach) => Views::Analytic,
+            true => Views::OfOneBody,
+            false => Views::Any,
+        };
+        Site {
+            shape,
+            is_near,
+            views,
+            may_open: self.is_loose && !is_of_one_body,
+        }
+    }
+
+    /// Returns the form factors to the visible and to the hidden part of the target, and keeps their largest shares of both in `shares`.
+    fn at(&mut self, point: DVec2, shares: &mut Option<Parts>) -> Parts {
+        let place = self.receiver.to_world(point);
+        if self.is_loose && shares.is_none() {
+            return self.shadows.visible(place);
+        }
+        let parts = self.shadows.visible_and_hidden(place);
+        let whole = parts[VISIBLE] + parts[HIDDEN];
+        if let Some(shares) = shares
+            && whole > 0.0
+        {
+            *shares = [0, 1].map(|part| shares[part].max(parts[part] / whole));
+        }
+        parts
+    }
+
+    fn is_far_from_occluders(&self, point: DVec2, reach: f64) -> bool {
+        let place = self.receiver.offset(point);
+        let is_far = |&(low, high): &(DVec3, DVec3)| {
+            (low - place).max(place - high).max(DVec3::ZERO).length_squared() > reach * reach
+        };
+        self.boxes.as_ref().is_some_and(|boxes| boxes.iter().all(is_far))
+    }
+
+    /// Returns the error that discontinuity lines leave which are missed by `margin`: its square, unless the view changes within as little.
+    pub(super) fn error_within(&self, margin: f64) -> f64 {
+        if self.low_edges.lowest() > margin {
+            return 0.0;
+        }
+        let next = self.receiver.corners.iter().cycle().skip(1);
+        let perimeter: f64 = self
+            .receiver
+            .corners
+            .iter()
+            .zip(next)
+            .map(|(a, b)| a.distance(*b))
+            .sum();
+        margin * perimeter
+    }
+
+    /// Looks at a cell from the points of a rule.
+    pub(super) fn look(&mut self, site: Site, rule: impl FnOnce(&mut dyn FnMut(DVec2) -> Parts) -> Estimate) -> Look {
+        let shape = site.shape;
+        let mut shares = site.is_near.then_some([0.0; 2]);
+        self.shadows.forget();
+        let mut is_any_visible = false;
+        let mut largest = 0.0_f64;
+        let mut estimate = rule(&mut |point| {
+            let parts = self.at(point, &mut shares);
+            is_any_visible |= parts[VISIBLE] > 0.0;
+            largest = largest.max(parts[VISIBLE] + parts[HIDDEN]);
+            parts
+        });
+        if !self.unlisted.is_empty() {
+            for part in [VISIBLE, HIDDEN] {
+                if estimate.integral[part] <= 0.0 {
+                    let least = largest * shape.area() * self.unseen(part, shape);
+                    estimate.error[part] = estimate.error[part].max(least);
+                }
+            }
+        }
+        let has_curves = site.may_open && is_any_visible && self.shadows.several_hide();
+        if !self.low_edges.is_empty() {
+            let low_edges = std::mem::take(&mut self.low_edges);
+            for corners in shape.triangles() {
+                let (error, n_evaluations) = low_edges.error(corners, |point| self.at(point, &mut shares));
+                estimate.error = [0, 1].map(|part| estimate.error[part] + error[part]);
+                estimate.n_evaluations += n_evaluations;
+            }
+            self.low_edges = low_edges;
+        }
+        Look {
+            site,
+            estimate,
+            shares,
+            has_curves,
+        }
+    }
+
+    /// Returns the share of a cell in which a part may be something that is nothing at all points of a rule, as the shadows of bodies were not looked for.
+    fn unseen(&self, part: usize, shape: Shape) -> f64 {
+        let corners = shape.corners();
+        let next = corners.iter().cycle().skip(1);
+        let size = corners
+            .iter()
+            .zip(next)
+            .map(|(a, b)| a.distance(*b))
+            .fold(0.0, f64::max);
+        if part == VISIBLE {
+            // A body hides all from a convex part of the receiver: from the hull of the points.
+            return if self.shadows.several_hide() {
+                BETWEEN_POINTS
+            } else {
+                BEYOND_POINTS
+            };
+        }
+        let cells = || shape.triangles().map(|cell| cell.map(|v| self.receiver.offset(v)));
+        let reaches_in = |body: &&Extent| cells().any(|cell| !body.is_beside(&cell, &self.target));
+        let widths = self.unlisted.iter().filter(reaches_in).map(|body| body.width);
+        match widths.reduce(f64::min) {
+            None => 0.0,
+            // A shadow is no narrower than what casts it, and convex: one that has a point of the rule on no side of it is in a corner or at a side.
+            Some(width) if size <= 2.0 * width => AT_A_SIDE,
+            Some(_) => BETWEEN_POINTS,
+        }
+    }
+
+    pub(super) fn look_at_triangle(&mut self, corners: [DVec2; 3], enough: f64) -> Look {
+        let site = self.site(Shape::Triangle(corners));
+        if site.views == Views::Analytic {
+            return self.look_at_analytic(site, enough);
+        }
+        let look = self.look(site, |f| rule::integrate(corners, enough, true, f));
+        self.with_some_error(look, enough)
+    }
+
+    /// Looks at a cell in which the view is analytic.
+    pub(super) fn look_at_analytic(&mut self, site: Site, enough: f64) -> Look {
+        let look = self.look(site, |f| match site.shape {
+            Shape::Triangle(corners) => rule::integrate(corners, enough, false, f),
+            Shape::Quad(corners) => gauss::integrate(corners, enough * site.shape.area(), f),
+        });
+        self.with_some_error(look, enough)
+    }
+
+    fn with_some_error(&self, look: Look, enough: f64) -> Look {
+        if self.is_loose {
+            look.with_least_share(enough)
+        } else {
+            look
+        }
+    }
+
+    /// Returns a lower bound of the distance of the target from a point of the receiver.
+    fn distance(&self, point: DVec2) -> f64 {
+        let point = self.receiver.offset(point);
+        let (normal, level) = self.target_plane;
+        let outside = self
+            .target_sides
+            .iter()
+            .map(|(inward, level)| level - inward.dot(point));
+        outside.fold(0.0, f64::max).hypot(normal.dot(point) - level)
+    }
+
+    /// Returns the exchange area of a cell without occluders, to within `error` or rounding.
+    fn without_occluders(&self, shape: Shape, error: f64) -> Whole {
+        let corners: Vec<DVec3> = shape.corners().iter().map(|&v| self.receiver.offset(v)).collect();
+        let [cell, target] = [&corners, &self.target].map(|side| PreparedPolygon::new(side));
+        let tolerance = Tolerance {
+            rel: Whole::REL,
+            abs: error.max(8.0 * f64::EPSILON * cell.perimeter() * target.perimeter()),
+        };
+        Whole::between(&cell, &target, tolerance)
+    }
+
+    /// Returns the integral over a cell of the part `base`, from whichever part is known better, and what its error may be; `base` is the part that is summed, `enough` the error allowed.
+    ///
+    /// In a near cell the same points integrate F₀ too, whose integral is known: what they miss of that, or may miss of the other part, they can miss
+    /// of this one, as far as it has a share of F₀.
+    pub(super) fn settle(&self, look: &Look, base: usize, enough: f64) -> [f64; 2] {
+        let &Look {
+            site: Site { shape, .. },
+            ref estimate,
+            shares,
+            ..
+        } = look;
+        let other = 1 - base;
+        let is_other = estimate.error[base] > enough && estimate.error[other] < BETTER * estimate.error[base];
+        let part = if is_other { other } else { base };
+        let (mut integral, mut error) = (estimate.integral[part], estimate.error[part]);
+        // Past bodies whose lines are not listed, nothing is without an error unless it is proved.
+        let knows_shape = self.is_whole || !self.unlisted.is_empty();
+        let is_certain = integral.max(error) <= 0.0 && knows_shape;
+        let shares = shares.filter(|_| !is_certain);
+        if is_other || shares.is_some() {
+            let whole = self.without_occluders(shape, 0.01 * enough);
+            if let Some(shares) = shares {
+                let missed = estimate.integral[VISIBLE] + estimate.integral[HIDDEN] - whole.area;
+                let share = if knows_shape {
+                    (MORE_THAN_SEEN * shares[part]).min(1.0)
+                } else {
+                    1.0
+                };
+                error += share * missed.abs().max(estimate.error[1 - part]);
+            }
+            integral = integral.min(whole.area);
+            error = whole.bounded(integral, error);
+            if is_other {
+                integral = whole.area - integral;
+                error += whole.error;
+            }
+        }
+        [integral, error]
+    }
+}
+
+/// Returns the middle of a shape's corners, and how far the farthest is from there.
+fn circle(shape: Shape) -> (DVec2, f64) {
+    let corners = shape.corners();
+    let middle = corners.iter().sum::<DVec2>() / corners.len() as f64;
+    let radius = corners.iter().map(|v| v.distance(middle)).fold(0.0, f64::max);
+    (middle, radius)
+}
+
+/// The functions that the form factors from the points of a cell are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Views {
+    /// One body at most hides anything, and none of the edges that the view is made of is near: these are where it is singular.
+    Analytic,
+    /// One body at most hides anything, so that no edges cross.
+    OfOneBody,
+    /// Several bodies may hide something, or it is not known that no discontinuity line crosses the cell.
+    Any,
+}
+
+/// A cell and what is known of the views from it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Site {
+    pub(super) shape: Shape,
+    /// True if the target is near, so that F₀ may have a peak between the points of a rule.
+    is_near: bool,
+    pub(super) views: Views,
+    /// True if three edges of different polygons may open or close something between the points, as the tolerance is loose and these are few.
+    may_open: bool,
+}
+
+/// The visibility of a cell at the points of a rule.
+pub(super) struct Look {
+    pub(super) site: Site,
+    pub(super) estimate: Estimate,
+    /// In a near cell, the largest shares of F₀ that the parts have on these points.
+    shares: Option<Parts>,
+    /// Whether the points see a part of the target, and several bodies before the rest of it, whose edges may cross in views.
+    pub(super) has_curves: bool,
+}
+
+impl Look {
+    /// States at least the share of `enough`, an error by area, that few points leave where the tolerance is loose.
+    pub(super) fn with_least_share(self, enough: f64) -> Self {
+        let share = if self.site.may_open { UNSEEN_SHARE } else { MIN_SHARE };
+        let least = share * enough * self.site.shape.area();
+        self.with_least_error(least)
+    }
+
+    /// States at least this error of a part, but for one of which there is nothing: something of it needs a discontinuity line, or edges that open it between points.
+    pub(super) fn with_least_error(mut self, least: f64) -> Self {
+        let Estimate { integral, error, .. } = &mut self.estimate;
+        for part in [VISIBLE, HIDDEN] {
+            if integral[part] > 0.0 || (part == VISIBLE && self.site.may_open) {
+                error[part] = error[part].max(least);
+            }
+        }
+        self
+    }
+}
