@@ -503,7 +503,7 @@ mod tests {
         rectangle(DVec3::Z, DVec3::Y, DVec3::X)
     }
 
-    fn factor(occluders: &[(Vec<DVec3>, bool)], point: DVec3) -> f64 {
+    fn shadows(occluders: &[(Vec<DVec3>, bool)]) -> Shadows {
         let receiver = Receiver::new(rectangle(DVec3::ZERO, DVec3::X, DVec3::Y), DVec3::Z);
         let mut list = Vec::new();
         for (corners, one_sided) in occluders {
@@ -513,7 +513,11 @@ mod tests {
                 body: None,
             });
         }
-        Shadows::new(&receiver, &ceiling(), &list).visible_and_hidden(point)[0]
+        Shadows::new(&receiver, &ceiling(), &list)
+    }
+
+    fn factor(occluders: &[(Vec<DVec3>, bool)], point: DVec3) -> f64 {
+        shadows(occluders).visible_and_hidden(point)[0]
     }
 
     const POINT: DVec3 = DVec3::new(0.25, 0.5, 0.0);
@@ -563,15 +567,8 @@ mod tests {
 
     #[test]
     fn several_bodies_are_told_from_sides_of_one() {
-        let receiver = Receiver::new(rectangle(DVec3::ZERO, DVec3::X, DVec3::Y), DVec3::Z);
         let may_hide = |occluders: &[(Vec<DVec3>, bool)]| {
-            let occluder = |(corners, one_sided): &(Vec<DVec3>, bool)| Occluder {
-                corners: corners.into(),
-                one_sided: *one_sided,
-                body: None,
-            };
-            let list: Vec<_> = occluders.iter().map(occluder).collect();
-            let mut shadows = Shadows::new(&receiver, &ceiling(), &list);
+            let mut shadows = shadows(occluders);
             shadows.find_bodies();
             shadows.several_may_hide(POINT)
         };
