@@ -14,6 +14,7 @@ use crate::form_factor::forecast::{RAYS, golden_section, mean, sampled, shooting
 use crate::progress::Forecast;
 
 /// How long a sample may take: to classify runs of rows, and then to integrate their pairs for each tolerance.
+#[derive(Clone, Copy)]
 struct Limits {
     of_rows: Duration,
     of_pairs: Duration,
@@ -31,6 +32,18 @@ const BY_THE_WAY: Limits = Limits {
     of_pairs: Duration::from_millis(100),
 };
 
+/// Before that: most work is so short that no better forecast matters.
+const AT_A_GLANCE: Limits = Limits {
+    of_rows: Duration::from_millis(4),
+    of_pairs: Duration::from_millis(4),
+};
+
+/// Work is short if a glance makes it less than this part of [`Forecast::LONG`].
+const SHORT: f64 = 0.05;
+
+/// The most that a pair takes where nothing can stand between patches, in s.
+const CLEAR_PAIR_S: f64 = 1e-5;
+
 /// And no more than one run of rows in so many: little work is not worth a forecast.
 const RUNS_PER_SAMPLE: usize = 32;
 
@@ -47,8 +60,12 @@ const LOOSER: [f64; 3] = [10.0, 100.0, 1000.0];
 const LOOSEST: f64 = 0.1;
 
 impl Batches<'_> {
-    /// Returns what all rows are going to take; `None` where they are few. `in_full` asks for all of it however short the work is.
+    /// Returns the run time that all rows are going to take; `None` where that is short. `in_full` asks for it however short the work is.
     pub(super) fn forecast(&self, input: Input<'_>, in_full: bool) -> Option<Forecast> {
+        let n_pairs = 0.5 * (self.patches.len() as f64).powi(2);
+        if !in_full && self.index.is_none() && n_pairs * CLEAR_PAIR_S < SHORT * Forecast::LONG {
+            return None;
+        }
         let runs: Vec<(usize, usize)> = (0..self.patches.faces.len())
             .flat_map(|f| self.patches.faces[f].row_runs.iter().map(move |&run| (f, run)))
             .collect();
@@ -57,18 +74,12 @@ impl Batches<'_> {
         } else {
             runs.len() / RUNS_PER_SAMPLE
         };
-        let limits = if in_full { IN_FULL } else { BY_THE_WAY };
-        let samples = sampled(runs.len(), n_samples, limits.of_rows, |k| self.classified_run(runs[k]));
-        let looked: Vec<f64> = samples.iter().map(|sample| sample.seconds).collect();
-        let looked_s = mean(&looked)?;
-        let of_tolerance = |tolerance: f64| {
-            let times = sampled(samples.len(), samples.len(), limits.of_pairs, |k| {
-                self.pairs_s(&samples[k].strip, tolerance)
-            });
-            let of_run = looked_s + mean(&times)?;
-            let n_threads = rayon::current_num_threads() * self.progress.ranks().size();
-            Some(of_run * runs.len() as f64 / n_threads as f64)
-        };
+        let within = |limits| Samples::new(self, &runs, n_samples, limits);
+        if !in_full && within(AT_A_GLANCE)?.seconds(self.method.tolerance)? < SHORT * Forecast::LONG {
+            return None;
+        }
+        let samples = within(if in_full { IN_FULL } else { BY_THE_WAY })?;
+        let of_tolerance = |tolerance: f64| samples.seconds(tolerance);
         let asked = self.method.tolerance;
         let mut forecast = Forecast {
             asked: (asked, of_tolerance(asked)?),
@@ -122,6 +133,44 @@ impl Batches<'_> {
             self.partial(index, pair, &strip.occluders[pair.occluders.clone()], &method);
         }
         begun.elapsed().as_secs_f64() * n_partial as f64 / n_integrated as f64
+    }
+}
+
+/// Some runs of rows, classified.
+struct Samples<'a> {
+    batches: &'a Batches<'a>,
+    rows: Vec<Sample>,
+    /// The mean of their times.
+    looked_s: f64,
+    n_runs: usize,
+    limits: Limits,
+}
+
+impl<'a> Samples<'a> {
+    /// Classifies up to `n_samples` of some runs; `None` without one.
+    fn new(batches: &'a Batches<'a>, runs: &[(usize, usize)], n_samples: usize, limits: Limits) -> Option<Self> {
+        let samples = sampled(runs.len(), n_samples, limits.of_rows, |k| {
+            batches.classified_run(runs[k])
+        });
+        let times: Vec<f64> = samples.iter().map(|sample| sample.seconds).collect();
+        Some(Self {
+            batches,
+            rows: samples,
+            looked_s: mean(&times)?,
+            n_runs: runs.len(),
+            limits,
+        })
+    }
+
+    /// Returns the seconds that all runs take on all threads together.
+    fn seconds(&self, tolerance: f64) -> Option<f64> {
+        let n = self.rows.len();
+        let times = sampled(n, n, self.limits.of_pairs, |k| {
+            self.batches.pairs_s(&self.rows[k].strip, tolerance)
+        });
+        let of_run = self.looked_s + mean(&times)?;
+        let n_threads = rayon::current_num_threads() * self.batches.progress.ranks().size();
+        Some(of_run * self.n_runs as f64 / n_threads as f64)
     }
 }
 

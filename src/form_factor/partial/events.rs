@@ -6,6 +6,7 @@
 
 use std::cmp::Ordering;
 use std::collections::HashMap;
+use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
@@ -15,6 +16,9 @@ use crate::geometry::clip::clip_contour;
 
 /// Heights and lengths below this share of those around them are zero.
 const FLAT: f64 = 1e-12;
+
+/// The sign of a difference is certain from this share of its terms on: [`Flat::rise`] takes the difference of heights as it is there.
+const CERTAIN: f64 = 1e-3;
 
 /// A segment in the receiver's plane where the view changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,19 +35,16 @@ struct Vertex {
     /// Height over the receiver's plane, and over the target's.
     h: f64,
     g: f64,
-    /// The occluder edges that meet here; empty for a corner of the target.
-    edges: Vec<usize>,
     of_target: bool,
 }
 
 /// An edge of the target or of an occluder.
 struct Edge {
-    ends: [DVec3; 2],
-    h: [f64; 2],
-    g: [f64; 2],
-    /// For an edge that two occluders share: their planes, each turned so that its sign tells on which side of the edge, seen from a point,
-    /// the occluder lies. The edge is an outline only where the signs agree.
-    planes: Option<[Flat; 2]>,
+    /// The numbers of its ends.
+    vertices: [usize; 2],
+    /// For an edge of occluders: the number of these, and the first two by their screens, each true if it has the edge from the first end to the second.
+    n_screens: usize,
+    screens: [(usize, bool); 2],
     of_target: bool,
 }
 
@@ -87,9 +88,9 @@ impl Screen {
     }
 
     /// Returns whether the vertex is a corner of the screen, or the edge one of its edges.
-    fn touches(&self, vertex: &Vertex, edge: &Edge) -> bool {
+    fn touches(&self, vertex: DVec3, edge: [DVec3; 2]) -> bool {
         let has = |p: DVec3| self.corners.iter().any(|&(corner, _)| corner == p);
-        has(vertex.position) || edge.ends.iter().all(|&end| has(end))
+        has(vertex) || edge.iter().all(|&end| has(end))
     }
 }
 
@@ -127,8 +128,8 @@ impl Known {
         })
     }
 
-    /// Returns the edge between two vertices, and true if it runs from the lesser number to the greater.
-    fn edge(&mut self, from: usize, to: usize, push: impl FnOnce() -> usize) -> (usize, bool) {
+    /// Returns the edge between two vertices.
+    fn edge(&mut self, [from, to]: [usize; 2], push: impl FnOnce() -> usize) -> usize {
         let key = [from.min(to), from.max(to)];
         let found = if self.edges.len() <= SHORT {
             let same = self
@@ -142,15 +143,14 @@ impl Known {
             }
             self.edge_of_ends.get(&key).copied()
         };
-        let index = found.unwrap_or_else(|| {
+        found.unwrap_or_else(|| {
             let index = push();
             self.edges.push((key, index));
             if !self.edge_of_ends.is_empty() {
                 self.edge_of_ends.insert(key, index);
             }
             index
-        });
-        (index, from < to)
+        })
     }
 }
 
@@ -165,6 +165,8 @@ pub(super) struct Outline<'a> {
     vertices: Vec<Vertex>,
     edges: Vec<Edge>,
     screens: Vec<Screen>,
+    /// The parts of occluders that lie between receiver and target.
+    parts: Vec<Vec<DVec3>>,
 }
 
 impl<'a> Outline<'a> {
@@ -186,16 +188,16 @@ impl<'a> Outline<'a> {
             vertices: Vec::new(),
             edges: Vec::new(),
             screens: Vec::new(),
+            parts: Vec::new(),
         };
+        let n_of_target = target.len();
         for (k, &corner) in target.iter().enumerate() {
             outline.push_vertex(corner, true);
-            outline.push_edge([corner, target[(k + 1) % target.len()]], true);
+            outline.push_edge([k, (k + 1) % n_of_target], true);
         }
-        let n_of_target = target.len();
-        let mut planes_of_edge: Vec<Vec<Flat>> = Vec::new();
         let mut known = Known::default();
         for corners in occluders {
-            let plane = Flat::of(corners);
+            let (screen, plane) = (outline.screens.len(), Flat::of(corners));
             outline.screens.push(Screen::new(corners, plane));
             let part = outline.between(corners);
             for (k, &a) in part.iter().enumerate() {
@@ -203,28 +205,26 @@ impl<'a> Outline<'a> {
                 if a == b {
                     continue;
                 }
-                let [from, to] = [a, b].map(|corner| known.vertex(corner, || outline.push_vertex(corner, false)));
-                let (edge, forward) = known.edge(from, to, || outline.push_edge([a, b], false));
-                planes_of_edge.resize(outline.edges.len() - n_of_target, Vec::new());
-                // The sign of the plane is that of the run from the lesser to the greater number.
-                planes_of_edge[edge - n_of_target].push(if forward { plane } else { plane.turned() });
-                for vertex in [from, to] {
-                    if !outline.vertices[vertex].edges.contains(&edge) {
-                        outline.vertices[vertex].edges.push(edge);
-                    }
+                let ends = [a, b].map(|corner| known.vertex(corner, || outline.push_vertex(corner, false)));
+                let edge = known.edge(ends, || outline.push_edge(ends, false));
+                let edge = &mut outline.edges[edge];
+                if let Some(place) = edge.screens.get_mut(edge.n_screens) {
+                    *place = (screen, edge.vertices == ends);
                 }
+                edge.n_screens += 1;
             }
-        }
-        for (edge, planes) in outline.edges[n_of_target..].iter_mut().zip(&planes_of_edge) {
-            if let [first, second] = planes[..] {
-                edge.planes = Some([first, second]);
-            }
+            outline.parts.push(part);
         }
         outline
     }
 
+    /// Returns the parts of the occluders in front of the receiver's and the target's plane.
+    pub(super) fn parts(&self) -> &[Vec<DVec3>] {
+        &self.parts
+    }
+
     /// Returns the part of an occluder in front of the receiver's and the target's plane.
-    pub(super) fn between(&self, corners: &[DVec3]) -> Vec<DVec3> {
+    fn between(&self, corners: &[DVec3]) -> Vec<DVec3> {
         let mut part = corners.to_vec();
         for plane in &self.planes {
             let whole = std::mem::take(&mut part);
@@ -243,18 +243,16 @@ impl<'a> Outline<'a> {
             position,
             h: self.planes[0].height(position).max(0.0),
             g: self.planes[1].height(position).max(0.0),
-            edges: Vec::new(),
             of_target,
         });
         self.vertices.len() - 1
     }
 
-    fn push_edge(&mut self, ends: [DVec3; 2], of_target: bool) -> usize {
+    fn push_edge(&mut self, vertices: [usize; 2], of_target: bool) -> usize {
         self.edges.push(Edge {
-            ends,
-            h: ends.map(|p| self.planes[0].height(p).max(0.0)),
-            g: ends.map(|p| self.planes[1].height(p).max(0.0)),
-            planes: None,
+            vertices,
+            n_screens: 0,
+            screens: [(0, false); 2],
             of_target,
         });
         self.edges.len() - 1
@@ -274,13 +272,15 @@ impl<'a> Outline<'a> {
             .collect();
         events.extend(self.on_the_horizon());
         events.retain(|event| event.from.distance(event.to) > shortest);
-        for vertex in &self.vertices {
+        let levels = self.levels();
+        for v in 0..self.vertices.len() {
             for edge in &self.edges {
-                if vertex.of_target && edge.of_target {
+                if self.vertices[v].of_target && edge.of_target {
                     continue;
                 }
                 for far_edge in [true, false] {
-                    if let Some(event) = self.event(vertex, edge, far_edge)
+                    if self.may_meet(&levels, v, edge, far_edge)
+                        && let Some(event) = self.event(v, edge, far_edge)
                         && event.from.distance(event.to) > shortest
                     {
                         events.push(event);
@@ -289,6 +289,37 @@ impl<'a> Outline<'a> {
             }
         }
         events
+    }
+
+    /// Returns the heights of all vertices over the sides of the receiver, then over those of the target, vertex by vertex.
+    fn levels(&self) -> Vec<f64> {
+        let [of_receiver, of_target] = &self.sides;
+        let sides = || of_receiver.iter().chain(of_target);
+        let level = |v: DVec3| sides().map(move |&(inward, level)| inward.dot(v) - level);
+        self.vertices.iter().flat_map(|vertex| level(vertex.position)).collect()
+    }
+
+    /// Returns whether [`event`](Self::event) may find anything; it is left to decide what rounding may decide.
+    fn may_meet(&self, levels: &[f64], v: usize, edge: &Edge, far_edge: bool) -> bool {
+        let (n_of_receiver, n_sides) = (self.sides[0].len(), self.sides[0].len() + self.sides[1].len());
+        let of = |vertex: usize| &levels[vertex * n_sides..(vertex + 1) * n_sides];
+        let [first, second] = edge.vertices;
+        let (vertex, ends) = (&self.vertices[v], [&self.vertices[first], &self.vertices[second]]);
+        let (level, levels_of_ends) = (of(v), [of(first), of(second)]);
+        let is_beyond = |sign: f64, [a, b]: [f64; 2]| sign * (a - b) > CERTAIN * (a.abs() + b.abs());
+        // The line through a vertex of height h and level s and a point of height h' and level s' meets the plane of heights at the level (h s' − h' s) / (h − h').
+        let passes_by = |sign: f64, h: f64, h_ends: [f64; 2], sides: Range<usize>| {
+            (0..2).all(|end| is_beyond(sign, [h, h_ends[end]]))
+                || sides
+                    .into_iter()
+                    .any(|k| (0..2).all(|end| is_beyond(sign, [h * levels_of_ends[end][k], h_ends[end] * level[k]])))
+        };
+        let sign = if far_edge { 1.0 } else { -1.0 };
+        if passes_by(sign, vertex.h, ends.map(|end| end.h), 0..n_of_receiver) {
+            return false;
+        }
+        // Seen from the target, the edge that is behind the vertex is before it.
+        vertex.of_target || edge.of_target || !passes_by(-sign, vertex.g, ends.map(|end| end.g), n_of_receiver..n_sides)
     }
 
     /// Returns from where two points in the receiver's plane lie behind each other: corners of occluders that stand on or pierce the plane,
@@ -360,17 +391,24 @@ impl<'a> Outline<'a> {
     }
 
     /// Returns where, seen from the receiver, the vertex lies on the edge; `far_edge` is true if the edge is behind the vertex.
-    fn event(&self, vertex: &Vertex, edge: &Edge, far_edge: bool) -> Option<Event> {
+    fn event(&self, vertex: usize, edge: &Edge, far_edge: bool) -> Option<Event> {
+        let (number, vertex) = (vertex, &self.vertices[vertex]);
         let v = vertex.position;
+        let of_ends = edge.vertices.map(|end| &self.vertices[end]);
+        let (edge_ends, edge_h, edge_g) = (
+            of_ends.map(|end| end.position),
+            of_ends.map(|end| end.h),
+            of_ends.map(|end| end.g),
+        );
         // A corner of the target lies behind any occluder, an edge of the target too.
-        if (vertex.of_target && far_edge) || (edge.of_target && !far_edge) || edge.ends.contains(&v) {
+        if (vertex.of_target && far_edge) || (edge.of_target && !far_edge) || edge_ends.contains(&v) {
             return None;
         }
         let side = if far_edge { 1.0 } else { -1.0 };
-        let mut range = Range { low: 0.0, high: 1.0 };
+        let mut range = Span { low: 0.0, high: 1.0 };
         // With z on the edge, x = (h_v z − h_z v) / (h_v − h_z): both are affine along the edge.
         let [of_receiver, of_target] = &self.planes;
-        let h = [0, 1].map(|i| (edge.ends[i], edge.h[i]));
+        let h = [0, 1].map(|i| (edge_ends[i], edge_h[i]));
         let denominator = h.map(|z| of_receiver.rise((v, vertex.h), z));
         range.keep(denominator.map(|rise| -side * rise))?;
         let numerator = [0, 1].map(|i| crossing((v, vertex.h), h[i], denominator[i]));
@@ -380,7 +418,7 @@ impl<'a> Outline<'a> {
         if !vertex.of_target && !edge.of_target {
             // The line must go on to the target, which it meets at y = (g_v z − g_z v) / (g_v − g_z).
             let [y, z] = [0, 1].map(|i| {
-                let z = (edge.ends[i], edge.g[i]);
+                let z = (edge_ends[i], edge_g[i]);
                 let rise = of_target.rise((v, vertex.g), z);
                 (crossing((v, vertex.g), z, rise), rise)
             });
@@ -393,17 +431,17 @@ impl<'a> Outline<'a> {
             let w = denominator[0] + (denominator[1] - denominator[0]) * t;
             (numerator[0] + (numerator[1] - numerator[0]) * t) / w
         });
-        if !ends.iter().all(|x| x.is_finite()) || self.is_hidden(vertex, edge, ends) {
+        if !ends.iter().all(|x| x.is_finite()) || self.is_hidden(number, edge, ends) {
             return None;
         }
         let seen = [range.low, range.high].map(|t| {
-            let z = edge.ends[0].lerp(edge.ends[1], t);
+            let z = edge_ends[0].lerp(edge_ends[1], t);
             if vertex.of_target {
                 v
             } else if edge.of_target {
                 z
             } else {
-                let g = edge.g[0] + (edge.g[1] - edge.g[0]) * t;
+                let g = edge_g[0] + (edge_g[1] - edge_g[0]) * t;
                 let rise = of_target.rise((v, vertex.g), (z, g));
                 crossing((v, vertex.g), (z, g), rise) / rise
             }
@@ -411,7 +449,7 @@ impl<'a> Outline<'a> {
         let is_screened = |screen: &Screen| {
             let [first, last] = [0, 1].map(|i| screen.place_on(ends[i], v, seen[i]));
             // Both lines of sight cross it on one side of v, and so do all between them.
-            first.is_some() && first == last && !screen.touches(vertex, edge)
+            first.is_some() && first == last && !screen.touches(v, edge_ends)
         };
         if self.screens.iter().any(is_screened) {
             return None;
@@ -423,15 +461,25 @@ impl<'a> Outline<'a> {
     }
 
     /// Returns whether, seen from everywhere between the two ends, the edge or the vertex lies inside its occluders' outline.
-    fn is_hidden(&self, vertex: &Vertex, edge: &Edge, ends: [DVec3; 2]) -> bool {
-        Self::is_inner(edge, ends)
-            || (!vertex.edges.is_empty() && vertex.edges.iter().all(|&e| Self::is_inner(&self.edges[e], ends)))
+    fn is_hidden(&self, vertex: usize, edge: &Edge, ends: [DVec3; 2]) -> bool {
+        let mut of_vertex = self
+            .edges
+            .iter()
+            .filter(|other| !other.of_target && other.vertices.contains(&vertex));
+        self.is_inner(edge, ends)
+            || (!self.vertices[vertex].of_target && of_vertex.all(|other| self.is_inner(other, ends)))
     }
 
-    fn is_inner(edge: &Edge, ends: [DVec3; 2]) -> bool {
-        let Some(planes) = edge.planes else {
+    /// Returns whether two occluders lie on both sides of their common edge, seen from everywhere between two ends.
+    fn is_inner(&self, edge: &Edge, ends: [DVec3; 2]) -> bool {
+        if edge.n_screens != 2 {
             return false;
-        };
+        }
+        // Each plane is turned so that its sign tells on which side of the edge, seen from a point, the occluder lies.
+        let planes = edge.screens.map(|(screen, is_forward)| {
+            let plane = self.screens[screen].plane;
+            if is_forward { plane } else { plane.turned() }
+        });
         let [first, second] = planes.map(|plane| {
             let [a, b] = ends.map(|x| plane.snapped_height(x, FLAT));
             if a > 0.0 && b > 0.0 {
@@ -453,12 +501,12 @@ fn inward_normals(corners: &[DVec3], normal: DVec3) -> impl Iterator<Item = (DVe
 }
 
 /// An interval of the parameter of an edge.
-struct Range {
+struct Span {
     low: f64,
     high: f64,
 }
 
-impl Range {
+impl Span {
     /// Keeps what is not negative of an affine function given by its values at 0 and at 1; `None` if nothing is left.
     fn keep(&mut self, [at_0, at_1]: [f64; 2]) -> Option<()> {
         let zero = at_0 / (at_0 - at_1);

@@ -453,8 +453,7 @@ impl<'a> View<'a> {
         let is_listed = outline.n_pairs() <= MAX_EVENT_PAIRS;
         let mut events = if is_listed { outline.events(margin) } else { Vec::new() };
         let receiver = &self.sight.receiver;
-        for occluder in &occluders {
-            let part = outline.between(&occluder.corners);
+        for part in outline.parts() {
             let in_frame: Vec<DVec3> = part.iter().map(|&v| receiver.in_frame(v)).collect();
             events.extend(layers::cuts(&in_frame, low.distance(high)));
         }
