@@ -30,7 +30,8 @@ struct Side {
 #[derive(Debug)]
 pub(crate) struct Shaft<'a> {
     ends: [End<'a>; 2],
-    sides: OnceCell<Vec<Side>>,
+    /// The side through each edge of both, found when it is first asked for: the first few part most polygons from the shaft.
+    sides: OnceCell<Box<[OnceCell<Option<Side>>]>>,
     low: DVec3,
     high: DVec3,
     /// Of the smaller end.
@@ -116,7 +117,7 @@ impl<'a> Shaft<'a> {
         let (middle, reach) = (low.midpoint(high), (high - low) * 0.5);
         let highest = |plane: &Plane| plane.height(middle) + plane.normal.abs().dot(reach);
         self.ends.iter().all(|end| highest(&end.plane) > end.least_height)
-            && self.sides().iter().all(|side| highest(&side.plane) > side.raised)
+            && self.sides().all(|side| highest(&side.plane) > side.raised)
     }
 
     /// Returns whether a convex polygon meets the hull's interior. May err on the side of true.
@@ -132,7 +133,7 @@ impl<'a> Shaft<'a> {
     /// Returns whether a convex polygon meets the hull's interior deeper than rounding explains, and by `slack` more.
     fn meets_beyond(&self, corners: &[DVec3], slack: f64) -> bool {
         let of_ends = || self.ends.iter().map(|end| (&end.plane, end.least_height + slack));
-        let of_sides = || self.sides().iter().map(|side| (&side.plane, side.raised + slack));
+        let of_sides = || self.sides().map(|side| (&side.plane, side.raised + slack));
         let reaches = |(plane, level): (&Plane, f64)| corners.iter().any(|&v| plane.height(v) > level);
         if !of_ends().all(reaches) || !of_sides().all(reaches) {
             return false;
@@ -164,7 +165,7 @@ impl<'a> Shaft<'a> {
     pub(crate) fn part_within(&self, a: DVec3, b: DVec3, off: f64) -> Option<[f64; 2]> {
         let [mut first, mut last] = [0.0_f64, 1.0_f64];
         let of_ends = self.ends.iter().map(|end| (&end.plane, 0.0));
-        for (plane, level) in of_ends.chain(self.sides().iter().map(|side| (&side.plane, side.raised))) {
+        for (plane, level) in of_ends.chain(self.sides().map(|side| (&side.plane, side.raised))) {
             let [at_a, at_b] = [a, b].map(|v| plane.height(v) - level + off);
             if at_a < 0.0 && at_b < 0.0 {
                 return None;
@@ -254,36 +255,43 @@ impl<'a> Shaft<'a> {
     }
 
     /// Returns the planes through an edge of one end and a corner of the other that have all of both on their upper side, each raised by what is neglected beside it.
+    fn sides(&self) -> impl Iterator<Item = &Side> {
+        let cells = self.sides.get_or_init(|| {
+            let n_edges = self.ends.iter().map(|end| end.part.len()).sum();
+            std::iter::repeat_with(OnceCell::new).take(n_edges).collect()
+        });
+        let sides = cells.iter().enumerate();
+        sides.filter_map(|(edge, cell)| cell.get_or_init(|| self.side_at(edge)).as_ref())
+    }
+
+    /// Returns the side through an edge, counted through both ends.
     ///
     /// Seen along an edge, its own end lies to one side in one line, and the other end above that line: the corner that is
     /// farthest round from the one side gives the only such plane besides that of the end itself.
-    fn sides(&self) -> &[Side] {
-        self.sides.get_or_init(|| {
-            let mut sides = Vec::with_capacity(self.ends[0].part.len() + self.ends[1].part.len());
-            for k in 0..2 {
-                let (near, far, up) = (&self.ends[k].part, &self.ends[1 - k].part, self.ends[k].plane.normal);
-                let mut a = near[near.len() - 1];
-                for &b in near.iter() {
-                    let (start, edge) = (a, b - a);
-                    a = b;
-                    let (inward, scale_squared) = (up.cross(edge), edge.length_squared());
-                    let scale = scale_squared.sqrt();
-                    let mut farthest: Option<(DVec3, f64, f64)> = None;
-                    for &c in far.iter() {
-                        let across = c - start;
-                        let (x, y) = (inward.dot(across), up.dot(across) * scale);
-                        let is_off = x * x + y * y > ON_LINE * scale_squared * across.length_squared();
-                        if is_off && farthest.is_none_or(|(_, u, v)| u * y > v * x) {
-                            farthest = Some((c, x, y));
-                        }
-                    }
-                    let found = farthest.and_then(|(c, ..)| self.side(k, start, edge, c));
-                    // Rounding may have chosen a corner that is too near to the edge to tell.
-                    sides.extend(found.or_else(|| far.iter().find_map(|&c| self.side(k, start, edge, c))));
-                }
+    fn side_at(&self, number: usize) -> Option<Side> {
+        let n_first = self.ends[0].part.len();
+        let (k, place) = if number < n_first {
+            (0, number)
+        } else {
+            (1, number - n_first)
+        };
+        let (near, far, up) = (&self.ends[k].part, &self.ends[1 - k].part, self.ends[k].plane.normal);
+        let start = near[(place + near.len() - 1) % near.len()];
+        let edge = near[place] - start;
+        let (inward, scale_squared) = (up.cross(edge), edge.length_squared());
+        let scale = scale_squared.sqrt();
+        let mut farthest: Option<(DVec3, f64, f64)> = None;
+        for &c in far.iter() {
+            let across = c - start;
+            let (x, y) = (inward.dot(across), up.dot(across) * scale);
+            let is_off = x * x + y * y > ON_LINE * scale_squared * across.length_squared();
+            if is_off && farthest.is_none_or(|(_, u, v)| u * y > v * x) {
+                farthest = Some((c, x, y));
             }
-            sides
-        })
+        }
+        let found = farthest.and_then(|(c, ..)| self.side(k, start, edge, c));
+        // Rounding may have chosen a corner that is too near to the edge to tell.
+        found.or_else(|| far.iter().find_map(|&c| self.side(k, start, edge, c)))
     }
 
     /// Returns the plane through an edge of end `k` and a corner `c` of the other, raised, if both ends are on one side of it.
@@ -303,7 +311,8 @@ impl<'a> Shaft<'a> {
         let across = normal.cross(edge).normalize();
         let distance = |v: DVec3| across.dot(v - start);
         let (mut below, mut above, mut reach) = (false, false, 0.0);
-        let mut borders = [k, 1 - k].map(|end| {
+        let mut borders = [0.0; 2];
+        for (border, end) in borders.iter_mut().zip([k, 1 - k]) {
             let end = &self.ends[end];
             let (mut low, mut high) = (0.0, 0.0);
             // Not f64::min and f64::max, which take care of NaN.
@@ -313,11 +322,10 @@ impl<'a> Shaft<'a> {
                 high = if height > high { height } else { high };
                 reach = if far > reach { far } else { reach };
             }
-            let border = RELATIVE_TOLERANCE * high.max(-low) + end.rounding;
-            below |= low < -0.5 * (border + self.slack);
-            above |= high > 0.5 * (border + self.slack);
-            border
-        });
+            *border = RELATIVE_TOLERANCE * high.max(-low) + end.rounding;
+            below |= low < -0.5 * (*border + self.slack);
+            above |= high > 0.5 * (*border + self.slack);
+        }
         if below == above {
             return None;
         }
@@ -448,7 +456,7 @@ mod tests {
                 for shaft in [Shaft::new(&wall, &ceiling, 0.0), Shaft::new(&ceiling, &wall, 0.0)] {
                     let shaft = shaft.expect("they face each other");
                     assert!(shaft.meets(&top), "{shift:?}");
-                    let lengths = shaft.sides().iter().map(|side| side.plane.normal.length());
+                    let lengths = shaft.sides().map(|side| side.plane.normal.length());
                     assert!(lengths.fold(0.0, f64::max) < 1.0 + 1e-9, "{shift:?}");
                 }
             }

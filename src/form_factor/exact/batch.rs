@@ -204,17 +204,17 @@ impl Iterator for Batches<'_> {
 impl Batches<'_> {
     /// Decides what becomes of all pairs of a run of rows, and computes those that see each other whole.
     pub(super) fn classify(&self, f: usize, rows: &Run, views: &Views) -> Strip {
+        let n_later: usize = rows.patches.clone().map(|i| self.patches.len() - 1 - i).sum();
+        let columns = |view: &FaceView| &self.patches.faces[view.face].runs[0];
+        let n_columns: usize = views.faces.iter().map(|view| columns(view).patches.len()).sum();
         let mut strip = Strip {
             first_row: rows.patches.start,
-            rows: vec![Vec::new(); rows.patches.len()],
+            rows: rows.patches.clone().map(|_| Vec::with_capacity(n_columns)).collect(),
             partial: Vec::new(),
             occluders: Vec::new(),
             counts: PairCounts::default(),
             before: self.rows_before(&rows.patches),
         };
-        let n_later: usize = rows.patches.clone().map(|i| self.patches.len() - 1 - i).sum();
-        let columns = |view: &FaceView| &self.patches.faces[view.face].runs[0];
-        let n_columns: usize = views.faces.iter().map(|view| columns(view).patches.len()).sum();
         strip.counts.not_facing = (n_later - rows.patches.len() * n_columns - views.n_hidden) as u64;
         strip.counts.hidden = views.n_hidden as u64;
         for view in &views.faces {

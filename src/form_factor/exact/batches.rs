@@ -151,7 +151,7 @@ impl<'a> Batches<'a> {
     }
 
     pub(super) fn smaller_area(&self, pair: [usize; 2]) -> f64 {
-        let [a, b] = pair.map(|k| self.patches.prepared[k].area());
+        let [a, b] = pair.map(|k| self.patches.areas[k]);
         a.min(b)
     }
 

@@ -42,8 +42,12 @@ pub(super) struct Patches {
     pub(super) corners: Arc<[Vec<DVec3>]>,
     /// The same, prepared for the unoccluded kernel.
     pub(super) prepared: Vec<PreparedPolygon>,
+    /// The area of each patch, in m²: beside one another, as they are asked for with every pair.
+    pub(super) areas: Vec<f64>,
     /// How far the corners of each patch are off its plane, or may be off where they are meant, in m; 0 where that is rounding.
     bent: Vec<f64>,
+    /// The share of each patch's area along its border, as wide as its corners are off its plane.
+    pub(super) borders: Vec<f64>,
     /// Faces with their patches, in order: every patch belongs to one.
     pub(super) faces: Vec<FacePatches>,
     /// The index in `faces` of each patch.
@@ -72,13 +76,24 @@ impl Patches {
         for (f, range) in ranges.iter().enumerate() {
             face_of_patch[range.clone()].fill(f);
         }
-        Self {
+        let prepared: Vec<PreparedPolygon> = corners.par_iter().map(|c| PreparedPolygon::new(c)).collect();
+        let mut patches = Self {
+            areas: prepared.iter().map(PreparedPolygon::area).collect(),
             bent: corners.par_iter().map(|c| bent(c)).collect(),
-            prepared: corners.par_iter().map(|c| PreparedPolygon::new(c)).collect(),
+            borders: Vec::new(),
+            prepared,
             faces: ranges.par_iter().map(face).collect(),
             face_of_patch,
             corners,
-        }
+        };
+        patches.find_borders();
+        patches
+    }
+
+    fn find_borders(&mut self) {
+        let of_prepared = self.prepared.iter().zip(&self.bent);
+        let borders = of_prepared.map(|(prepared, bent)| bent * prepared.perimeter() / prepared.area());
+        self.borders = borders.collect();
     }
 
     /// Takes the corners of patches that end at contact edges to be off by as much as those of the faces that stand there may be, in m.
@@ -88,12 +103,7 @@ impl Patches {
                 *bent = bent.max(slack).max(misfit);
             }
         }
-    }
-
-    /// Returns the share of a patch's area along its border, as wide as its corners are off its plane.
-    pub(super) fn border(&self, patch: usize) -> f64 {
-        let prepared = &self.prepared[patch];
-        self.bent[patch] * prepared.perimeter() / prepared.area()
+        self.find_borders();
     }
 
     /// Returns the corners of a patch, those of a bent one in its mean plane: integrals put points there, and no tolerance is met where corners are elsewhere.

@@ -195,7 +195,7 @@ impl Batches<'_> {
     /// off their patches' planes; and, if something was left out between the two that reaches in between by no more than that, the border of both that this may hide.
     pub(super) fn rounding(&self, pair: [usize; 2], seen: Seen<'_>) -> f64 {
         let [i, j] = pair;
-        let bent = (self.patches.border(i) + self.patches.border(j)) * seen.exchange;
+        let bent = (self.patches.borders[i] + self.patches.borders[j]) * seen.exchange;
         let hidden = if seen.touched {
             self.passing(pair, seen.exchange)
         } else {

@@ -334,6 +334,9 @@ impl<'a> Outline<'a> {
                 .map(|vertex| self.receiver.to_plane(vertex.position))
                 .collect::<Vec<DVec2>>()
         });
+        if of_occluders.is_empty() {
+            return Vec::new();
+        }
         let corners = self.receiver.corners.iter().map(|&v| self.receiver.to_plane(v));
         let corners: Vec<DVec2> = corners.collect();
         let mut events = Vec::new();
@@ -509,14 +512,14 @@ struct Span {
 impl Span {
     /// Keeps what is not negative of an affine function given by its values at 0 and at 1; `None` if nothing is left.
     fn keep(&mut self, [at_0, at_1]: [f64; 2]) -> Option<()> {
-        let zero = at_0 / (at_0 - at_1);
+        let zero = || at_0 / (at_0 - at_1);
         if at_0 < 0.0 {
             if at_1 <= 0.0 {
                 return None;
             }
-            self.low = self.low.max(zero);
+            self.low = self.low.max(zero());
         } else if at_1 < 0.0 {
-            self.high = self.high.min(zero);
+            self.high = self.high.min(zero());
         }
         (self.low < self.high).then_some(())
     }
