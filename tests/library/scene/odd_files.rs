@@ -59,8 +59,8 @@ fn solids_of_binary_stl_one_after_another_are_surfaces() {
     for n_blanks in [3, 49, 84, 300] {
         let mut padded = solid("Exported by a program", 2, &low);
         padded.resize(padded.len() + n_blanks, 0);
-        let loaded = read("padded.stl", &padded).unwrap();
-        assert_eq!(surface_names(&loaded), ["part1"], "{n_blanks} bytes");
+        let one = read("padded.stl", &padded).unwrap();
+        assert_eq!(surface_names(&one), ["part1"], "{n_blanks} bytes");
     }
 }
 
@@ -104,15 +104,15 @@ fn a_cell_array_of_a_format_without_any_is_refused() {
 
 #[test]
 fn view3d_without_an_end_of_data_is_doubtful() {
-    let text = "F 3\nV 1 0 0 0\nV 2 1 0 0\nV 3 0 1 0\nS 1 1 2 3 0 0 0 0.9 floor\n";
+    let open = "F 3\nV 1 0 0 0\nV 2 1 0 0\nV 3 0 1 0\nS 1 1 2 3 0 0 0 0.9 floor\n";
     let is_told = |text: &str| {
         let loaded = read("one.vs3", text.as_bytes()).unwrap();
         let mut kinds = loaded.warnings.iter().map(|warning| &warning.kind);
         kinds.any(|kind| matches!(kind, SceneWarningKind::NoEnd { .. }))
     };
-    assert!(is_told(text));
-    assert!(!is_told(&format!("{text}End of data\n")));
-    assert!(!is_told(&format!("{text}*\n")));
+    assert!(is_told(open));
+    assert!(!is_told(&format!("{open}End of data\n")));
+    assert!(!is_told(&format!("{open}*\n")));
 }
 
 #[test]
