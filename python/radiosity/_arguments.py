@@ -170,8 +170,10 @@ def whole(name: str, value: Any, least: int) -> int:
         number = operator.index(value)
     except TypeError:
         raise ArgumentError(f"{name}: {type(value).__name__}, expected a whole number") from None
-    if not least <= number < 1 << 32:
-        raise ArgumentError(f"{name}: {number} is outside [{least}, {(1 << 32) - 1}]")
+    if number < least:
+        raise ArgumentError(f"{name}: {number} is {'not above 0' if least else 'negative'}")
+    if number >= 1 << 32:
+        raise ArgumentError(f"{name}: {number} is above {(1 << 32) - 1}")
     return number
 
 
