@@ -205,8 +205,9 @@ impl<'py> Options<'py> {
         ];
         let default = FormFactorRequest::default();
         let limit = self.positive("time_limit")?;
-        let limit = limit.map(Duration::try_from_secs_f64).transpose();
-        let limit = limit.map_err(|wrong| bad_argument(self.py(), &format!("time_limit: {wrong}")))?;
+        let too_long = |seconds| bad_argument(self.py(), &format!("time_limit: {seconds:e} s are too many"));
+        let duration = |seconds| Duration::try_from_secs_f64(seconds).map_err(|_| too_long(seconds));
+        let limit = limit.map(duration).transpose()?;
         Ok(FormFactorRequest {
             method: self.take("method")?.unwrap_or(default.method),
             settings: MethodSettings {
@@ -332,7 +333,7 @@ impl<'py> Options<'py> {
 
 /// Returns the strength of three channels that is refused if one is: not a number, negative, or the greatest.
 fn worst(channels: [f64; 3]) -> f64 {
-    let is_wrong = |value: &f64| !(*value >= 0.0);
+    let is_wrong = |value: &f64| value.is_nan() || *value < 0.0;
     let greatest = channels.into_iter().fold(0.0, f64::max);
     channels.into_iter().find(is_wrong).unwrap_or(greatest)
 }
