@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import operator
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, Optional, Union
+from typing import Any, Optional, TypeVar, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ._errors import ArgumentError
 
 Floats = NDArray[np.float64]
+T = TypeVar("T")
 #: A number, an array over faces or patches, or numbers and triples by the names of surfaces.
 Values = Union[ArrayLike, Mapping[str, ArrayLike]]
 
@@ -20,8 +22,12 @@ Values = Union[ArrayLike, Mapping[str, ArrayLike]]
 def floats(name: str, values: ArrayLike) -> Floats:
     """Returns finite numbers."""
     try:
-        array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+        found = np.asarray(values)
+        # NumPy would leave out imaginary parts, and read texts and dates as numbers.
+        if found.dtype.kind not in "biufO":
+            raise TypeError(f"values of type {found.dtype}")
+        array = found.astype(np.float64, copy=False)
+    except (TypeError, ValueError, OverflowError) as error:
         raise ArgumentError(f"{name}: no array of numbers ({error})") from None
     bad = np.argwhere(~np.isfinite(array))
     if len(bad):
@@ -47,6 +53,8 @@ def faces(values: Any, n_vertices: int) -> tuple[NDArray[np.uint32], NDArray[np.
         counts = np.full(len(values), values.shape[1], dtype=np.uint64)
         flat = values.reshape(-1)
     else:
+        if isinstance(values, (str, bytes)) or not hasattr(values, "__iter__"):
+            raise ArgumentError(f"faces: {type(values).__name__}, expected (m, 3), (m, 4) or a list of lists")
         rows = [np.asarray(row) for row in values]
         for k, row in enumerate(rows):
             if row.ndim != 1 or len(row) < 3:
@@ -140,6 +148,66 @@ def vector(name: str, values: Optional[Sequence[float]]) -> Optional[list[float]
         raise ArgumentError(f"{name}: shape {array.shape}, expected (3,)")
     found: list[float] = array.tolist()
     return found
+
+
+def instance(name: str, value: T, kind: type[T]) -> T:
+    """Returns a value that is of a class."""
+    if not isinstance(value, kind):
+        raise ArgumentError(f"{name}: {type(value).__name__}, expected {kind.__name__}")
+    return value
+
+
+def flag(name: str, value: object) -> bool:
+    """Returns a truth value."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ArgumentError(f"{name}: {type(value).__name__}, expected bool")
+    return bool(value)
+
+
+def whole(name: str, value: Any, least: int) -> int:
+    """Returns a whole number of 32 bits."""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise ArgumentError(f"{name}: {type(value).__name__}, expected a whole number") from None
+    if number < least:
+        raise ArgumentError(f"{name}: {number} is {'not above 0' if least else 'negative'}")
+    if number >= 1 << 32:
+        raise ArgumentError(f"{name}: {number} is above {(1 << 32) - 1}")
+    return number
+
+
+def table(name: str, value: Optional[Mapping[str, Any]]) -> Optional[dict[str, Any]]:
+    """Returns a mapping as a dict."""
+    if value is None:
+        return None
+    if not isinstance(value, Mapping):
+        raise ArgumentError(f"{name}: {type(value).__name__}, expected a dict")
+    return dict(value)
+
+
+def path(name: str, value: Any) -> str:
+    """Returns the name of a file."""
+    try:
+        return os.fsdecode(value)
+    except TypeError:
+        raise ArgumentError(f"{name}: {type(value).__name__}, expected a path") from None
+
+
+def optional_path(name: str, value: Any) -> Optional[str]:
+    """Returns the name of a file, where there is one."""
+    return None if value is None else path(name, value)
+
+
+def turned(flip: Union[bool, str, Sequence[str]]) -> Union[bool, list[str]]:
+    """Returns which surfaces are reversed: all, none, or some by their names."""
+    if isinstance(flip, (bool, np.bool_)):
+        return bool(flip)
+    if isinstance(flip, str):
+        return [flip]
+    if not hasattr(flip, "__iter__"):
+        raise ArgumentError(f"flip: {type(flip).__name__}, expected bool or names of surfaces")
+    return list(flip)
 
 
 def toml(name: str, value: Any) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from ._arguments import floats
+from ._arguments import floats, path as path_of
 from ._errors import ArgumentError
 from ._result import Result
 
@@ -146,7 +146,7 @@ class FormFactors(Result[_core.FormFactors]):
 
     @property
     def errors(self) -> Any:
-        """Estimates of the absolute error of each entry of `matrix`, (n, n), of the same kind of array.
+        """Estimates of the absolute error of each entry of `matrix`, (n, n), from patch i to patch j, of the same kind of array.
 
         An array of NumPy also holds the errors of entries that no ray hit; a sparse one those of the
         entries of `matrix`. Rounded to float32 where they are stored. Not a number where nothing is known.
@@ -254,7 +254,7 @@ class FormFactors(Result[_core.FormFactors]):
         FileError
             If the file cannot be written.
         """
-        self._core.save(os.fspath(path), dense, surface)
+        self._core.save(path_of("path", path), dense, surface)
 
 
 def _csr_array() -> Any:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any, Union
 
-from ._arguments import toml
+from ._arguments import path as path_of, toml
 from ._errors import ArgumentError
 
 #: A TOML file, or its frames as dicts.
@@ -16,7 +16,9 @@ Frames = Union[str, "os.PathLike[str]", Sequence[Mapping[str, Any]]]
 def frames_text(frames: Frames) -> tuple[str, str]:
     """Returns a list of frames as text in TOML with a name for messages, or no text and the name of its file."""
     if isinstance(frames, (str, os.PathLike)):
-        return "", os.fspath(frames)
+        return "", path_of("frames", frames)
+    if not hasattr(frames, "__iter__"):
+        raise ArgumentError(f"frames: {type(frames).__name__}, expected a path or dicts")
     lines: list[str] = []
     for k, frame in enumerate(frames):
         if not isinstance(frame, Mapping):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from ._arguments import toml
+from ._arguments import path, toml
 from ._errors import ArgumentError
 from ._result import Result
 
@@ -30,7 +30,7 @@ Boundary = Union[str, "os.PathLike[str]", Mapping[str, Any]]
 def boundary_parts(boundary: Boundary) -> tuple[Optional[list[tuple[str, str]]], str]:
     """Returns the entries of boundary conditions, each with its name in messages and its text in TOML, or none and the name of their file."""
     if not isinstance(boundary, Mapping):
-        return None, os.fspath(boundary)
+        return None, path("boundary", boundary)
     parts: list[tuple[str, str]] = []
     for key, value in boundary.items():
         if key in ("surface", "node"):

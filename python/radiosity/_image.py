@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
+from ._arguments import path as path_of
 from ._result import Result
 
 #: The channels of a group of layers: colours, or coordinates.
@@ -100,5 +101,5 @@ def verify(path: Union[str, os.PathLike[str]]) -> dict[str, Any]:
     RenderError
         If the file cannot be read, or its scene has no analytic answer.
     """
-    found: dict[str, Any] = json.loads(_core.verify(os.fspath(path)))
+    found: dict[str, Any] = json.loads(_core.verify(path_of("path", path)))
     return found

@@ -42,6 +42,7 @@ def from_trimesh(mesh: Any, /, **settings: Unpack[Settings]) -> Model:
     elif isinstance(mesh, dict):
         parts = {str(name): part for name, part in mesh.items()}
     else:
+        _expect(hasattr(mesh, "vertices") and hasattr(mesh, "faces"), mesh, "a trimesh.Trimesh, a trimesh.Scene or a dict")
         return Model(np.asarray(mesh.vertices), np.asarray(mesh.faces), **settings)
     if "surfaces" in settings:
         raise ArgumentError("surfaces: the names of the meshes are those of the surfaces; leave it out")
@@ -50,6 +51,7 @@ def from_trimesh(mesh: Any, /, **settings: Unpack[Settings]) -> Model:
     vertices, faces, names = [], [], []
     offset = 0
     for name, part in parts.items():
+        _expect(hasattr(part, "vertices") and hasattr(part, "faces"), part, f"a trimesh.Trimesh as {name!r}")
         vertices.append(np.asarray(part.vertices, dtype=np.float64))
         faces.append(np.asarray(part.faces, dtype=np.int64) + offset)
         names += [name] * len(part.faces)
@@ -80,7 +82,7 @@ def from_pyvista(mesh: Any, /, *, surface_array: str = "surface", **settings: Un
     ArgumentError, SceneError
         As of `Model`.
     """
-    poly = mesh if hasattr(mesh, "faces") else mesh.extract_surface()
+    poly = _surface(mesh)
     faces = _polygons(np.asarray(poly.faces))
     if "surfaces" not in settings and surface_array in poly.cell_data:
         values = np.asarray(poly.cell_data[surface_array])
@@ -90,6 +92,23 @@ def from_pyvista(mesh: Any, /, *, surface_array: str = "surface", **settings: Un
             values = names[values]
         settings["surfaces"] = values.tolist()
     return Model(np.asarray(poly.points, dtype=np.float64), faces, **settings)
+
+
+def _surface(mesh: Any) -> Any:
+    """Returns the polygons of a PyVista mesh."""
+    _expect(hasattr(mesh, "points") and hasattr(mesh, "extract_surface"), mesh, "a pyvista.DataSet")
+    if not hasattr(mesh, "faces"):
+        try:
+            # Versions that have several algorithms warn where none is named.
+            mesh = mesh.extract_surface(algorithm="dataset_surface")
+        except TypeError:
+            mesh = mesh.extract_surface()
+    return mesh.triangulate() if mesh.n_strips else mesh
+
+
+def _expect(is_mesh: bool, mesh: Any, kind: str) -> None:
+    if not is_mesh:
+        raise ArgumentError(f"mesh: {type(mesh).__name__}, expected {kind}")
 
 
 def _polygons(cells: NDArray[np.int64]) -> list[NDArray[np.int64]]:
@@ -125,6 +144,7 @@ def from_meshio(mesh: Any, /, *, surface_array: str = "gmsh:physical", **setting
     ArgumentError, SceneError
         As of `Model`.
     """
+    _expect(hasattr(mesh, "points") and hasattr(mesh, "cells"), mesh, "a meshio.Mesh")
     names = {}
     if surface_array == "gmsh:physical":
         groups = mesh.field_data.items()

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from ._arguments import Values, faces as face_array, floats, given, of_faces, of_patches, points as point_array, squeezed, vector
-from ._arguments import surfaces as surface_array
+from ._arguments import Values, faces as face_array, flag, floats, given, instance, of_faces, of_patches, optional_path
+from ._arguments import path as path_of, points as point_array, squeezed, surfaces as surface_array, table, turned, vector, whole
 from ._errors import ArgumentError
 from ._factors import FormFactors
 from ._frames import Frames, frames_text
@@ -44,7 +44,7 @@ class Settings(TypedDict, total=False):
     merge_tolerance: Optional[float]
     unit: Optional[str]
     up_axis: Optional[str]
-    flip: Union[bool, Sequence[str]]
+    flip: Union[bool, str, Sequence[str]]
     progress: Progress
 
 
@@ -84,8 +84,8 @@ class Model:
         The unit of `vertices`. Default m.
     up_axis : {"y", "z"}, optional
         The axis that points upwards; "y" turns (x, y, z) into (x, -z, y). Default "z".
-    flip : bool or sequence of str
-        Reverse the winding of all faces, or of those of surfaces.
+    flip : bool, str or sequence of str
+        Reverse the winding of all faces, or of those of a surface or of several.
     progress : bool or callable, optional
         A bar, none, or a function ``f(stage, done, total)``. By default a bar in a terminal or notebook.
 
@@ -112,7 +112,7 @@ class Model:
         merge_tolerance: Optional[float] = None,
         unit: Optional[str] = None,
         up_axis: Optional[str] = None,
-        flip: Union[bool, Sequence[str]] = False,
+        flip: Union[bool, str, Sequence[str]] = False,
         progress: Progress = None,
     ) -> None:
         positions = point_array("vertices", vertices)
@@ -133,7 +133,7 @@ class Model:
             merge_tolerance=merge_tolerance,
             unit=unit,
             up_axis=up_axis,
-            flip=flip if isinstance(flip, bool) else list(flip),
+            flip=turned(flip),
         )
         with Bar(progress) as callback:
             self._core = _core.Model.from_arrays(positions, corners, ends, names, of_face, rho, e, options, callback)
@@ -154,7 +154,7 @@ class Model:
         merge_tolerance: Optional[float] = None,
         unit: Optional[str] = None,
         up_axis: Optional[str] = None,
-        flip: Union[bool, Sequence[str]] = False,
+        flip: Union[bool, str, Sequence[str]] = False,
         allow_outside: bool = False,
         progress: Progress = None,
     ) -> Model:
@@ -191,19 +191,19 @@ class Model:
             subdivide=subdivide,
             max_edge=max_edge,
             cut_at_walls=cut_at_walls,
-            materials=None if materials is None else os.fspath(materials),
+            materials=optional_path("materials", materials),
             surface_array=surface_array,
             one_surface=one_surface,
             crease_angle=crease_angle,
             merge_tolerance=merge_tolerance,
             unit=unit,
             up_axis=up_axis,
-            flip=flip if isinstance(flip, bool) else list(flip),
+            flip=turned(flip),
             allow_outside=allow_outside,
         )
         model = cls.__new__(cls)
         with Bar(progress) as callback:
-            model._core = _core.Model.read(os.fspath(path), options, callback)
+            model._core = _core.Model.read(path_of("path", path), options, callback)
         return model
 
     @classmethod
@@ -238,9 +238,10 @@ class Model:
             If there is no such scene or level.
         """
         options = given(subdivide=subdivide, max_edge=max_edge, cut_at_walls=cut_at_walls)
+        depth = None if level is None else whole("level", level, 0)
         model = cls.__new__(cls)
         with Bar(progress) as callback:
-            model._core = _core.Model.builtin(name, level, options, callback)
+            model._core = _core.Model.builtin(instance("name", name, str), depth, options, callback)
         return model
 
     def __repr__(self) -> str:
@@ -383,8 +384,8 @@ class Model:
             memory_limit=memory_limit,
             storage=storage,
             precision=precision,
-            scratch=None if scratch is None else os.fspath(scratch),
-            checkpoint=None if checkpoint is None else os.fspath(checkpoint),
+            scratch=optional_path("scratch", scratch),
+            checkpoint=optional_path("checkpoint", checkpoint),
         )
         with Bar(progress) as callback:
             return FormFactors(self._core.form_factors(options, callback), self)
@@ -455,6 +456,7 @@ class Model:
         """
         if form_factors is None:
             form_factors = self.form_factors(progress=progress)
+        instance("form_factors", form_factors, FormFactors)
         materials, shape = self._materials(reflectance, exitance)
         options = given(
             solver=solver,
@@ -467,7 +469,7 @@ class Model:
             depth=depth,
             deflation=deflation,
             steps_per_pass=steps_per_pass,
-            sun=None if sun is None else dict(sun),
+            sun=table("sun", sun),
             sky=sky,
         )
         with Bar(progress) as callback:
@@ -567,7 +569,7 @@ class Model:
             fov=fov,
             width=width,
             height=height,
-            camera=None if camera is None else os.fspath(camera),
+            camera=optional_path("camera", camera),
             samples=samples,
             direct=direct,
             flat=flat,
@@ -576,7 +578,7 @@ class Model:
             seed=seed,
         )
         with Bar(progress) as callback:
-            return Image(self._core.render(solution._core, options, callback))
+            return Image(self._core.render(instance("solution", solution, Solution)._core, options, callback))
 
     def field(
         self,
@@ -626,7 +628,7 @@ class Model:
         ArgumentError
             If there is no such surface, or settings do not go together.
         """
-        if surface not in self.surfaces:
+        if instance("surface", surface, str) not in self.surfaces:
             raise ArgumentError(f"surface: there is no {surface!r}; the scene has {', '.join(self.surfaces[:12])}")
         options = given(
             method=method,
@@ -639,7 +641,7 @@ class Model:
             fov=fov,
             width=width,
             height=height,
-            camera=None if camera is None else os.fspath(camera),
+            camera=optional_path("camera", camera),
             samples=samples,
             memory_limit=memory_limit,
         )
@@ -710,8 +712,8 @@ class Model:
             If the list, a lighting or a camera is wrong; the message has the line.
         """
         options = given(
-            form_factors=None if form_factors is None else dict(form_factors),
-            sun=None if sun is None else dict(sun),
+            form_factors=table("form_factors", form_factors),
+            sun=table("sun", sun),
             sky=sky,
             solver=solver,
             tolerance=tolerance,
@@ -722,17 +724,17 @@ class Model:
             fov=fov,
             width=width,
             height=height,
-            camera=None if camera is None else os.fspath(camera),
+            camera=optional_path("camera", camera),
             samples=samples,
             direct=direct,
             flat=flat,
             final_gather=final_gather,
             noise=noise,
             seed=seed,
-            checkpoint=None if checkpoint is None else os.fspath(checkpoint),
+            checkpoint=optional_path("checkpoint", checkpoint),
         )
         with Bar(progress) as callback:
-            text = self._core.render_frames(frames_text(frames), os.fspath(output), options, callback)
+            text = self._core.render_frames(frames_text(frames), path_of("output", output), options, callback)
         found: dict[str, Any] = json.loads(text)
         return found
 
@@ -810,7 +812,7 @@ class Model:
             plain_emission=plain_emission,
             exact_solid_angles=exact_solid_angles,
             links=links,
-            link_file=None if link_file is None else os.fspath(link_file),
+            link_file=optional_path("link_file", link_file),
             closed=closed,
             memory_limit=memory_limit,
         )
@@ -862,6 +864,7 @@ class Model:
         """
         if form_factors is None:
             form_factors = self.form_factors(progress=progress)
+        instance("form_factors", form_factors, FormFactors)
         parts = boundary_parts(boundary)
         options = _heat_options(sun, sky, solver, tolerance, max_passes)
         with Bar(progress) as callback:
@@ -917,9 +920,10 @@ class Model:
         """
         if form_factors is None:
             form_factors = self.form_factors(progress=progress)
+        instance("form_factors", form_factors, FormFactors)
         file, rows = None, None
         if isinstance(sun_path, (str, os.PathLike)):
-            file = os.fspath(sun_path)
+            file = path_of("sun_path", sun_path)
         else:
             rows = floats("sun_path", cast("ArrayLike", sun_path))
             if rows.ndim != 2:
@@ -931,7 +935,7 @@ class Model:
             solver=solver,
             tolerance=tolerance,
             max_passes=max_passes,
-            checkpoint=None if checkpoint is None else os.fspath(checkpoint),
+            checkpoint=optional_path("checkpoint", checkpoint),
         )
         parts = None if boundary is None else boundary_parts(boundary)
         with Bar(progress) as callback:
@@ -970,10 +974,11 @@ class Model:
         SceneError
             If a boundary condition is wrong.
         """
-        if by not in ("surface", "patch"):
+        if instance("by", by, str) not in ("surface", "patch"):
             raise ArgumentError(f"by: {by!r} is none of 'surface', 'patch'")
         if form_factors is None:
             form_factors = self.form_factors(progress=progress)
+        instance("form_factors", form_factors, FormFactors)
         parts = boundary_parts(boundary)
         options = _heat_options(None, None, solver, tolerance, max_passes)
         with Bar(progress) as callback:
@@ -1024,8 +1029,8 @@ class Model:
             if len(zero):
                 raise ArgumentError(f"normals: that of point {zero[0]} has no length")
         with Bar(progress) as callback:
-            core = None if heat is None else heat._core
-            return PointViews(self, self._core.points(positions, directions, core, person, callback))
+            core = None if heat is None else instance("heat", heat, Heat)._core
+            return PointViews(self, self._core.points(positions, directions, core, flag("person", person), callback))
 
     def to_pyvista(self, **arrays: ArrayLike) -> Any:
         """Returns the patches as a `pyvista.PolyData`, with cell arrays ``surface`` and ``area_m2``.
@@ -1094,10 +1099,10 @@ def load(
         memory_limit=memory_limit,
         storage=storage,
         precision=precision,
-        scratch=None if scratch is None else os.fspath(scratch),
+        scratch=optional_path("scratch", scratch),
     )
     with Bar(progress) as callback:
-        return FormFactors(model._core.load_form_factors(os.fspath(path), options, callback), model)
+        return FormFactors(instance("model", model, Model)._core.load_form_factors(path_of("path", path), options, callback), model)
 
 
 def _fitted(values: Floats, shape: tuple[int, ...]) -> Optional[Floats]:
@@ -1123,7 +1128,7 @@ def _heat_options(
     max_passes: Optional[int],
 ) -> dict[str, Any]:
     return given(
-        sun=None if sun is None else dict(sun),
+        sun=table("sun", sun),
         sky=sky,
         solver=solver,
         tolerance=tolerance,

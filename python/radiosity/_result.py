@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from typing import Generic, Protocol, TypeVar, Union
 
+from ._arguments import path as path_of
+
 
 class Core(Protocol):
     """A result of the compiled part."""
@@ -42,4 +44,4 @@ class Result(Generic[C]):
         ArgumentError, FileError, RenderError
             If the ending names no format, or the file cannot be written.
         """
-        self._core.save(os.fspath(path))
+        self._core.save(path_of("path", path))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Optional
 
 from . import _core
-from ._errors import ArgumentError
+from ._arguments import whole
 
 
 def set_threads(n: Optional[int]) -> None:
@@ -21,6 +21,4 @@ def set_threads(n: Optional[int]) -> None:
     ArgumentError
         If `n` is not above 0, or so many threads cannot be started.
     """
-    if n is not None and n < 1:
-        raise ArgumentError(f"n: {n} is not above 0")
-    _core.set_threads(n)
+    _core.set_threads(None if n is None else whole("n", n, 1))

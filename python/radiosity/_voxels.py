@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from ._arguments import given, squeezed, vector
+from ._arguments import given, optional_path, squeezed, vector
 from ._image import Image
 from ._progress import Bar, Progress
 from ._result import Result
@@ -119,7 +119,7 @@ class VoxelSolution(Result[_core.VoxelSolution]):
             fov=fov,
             width=width,
             height=height,
-            camera=None if camera is None else os.fspath(camera),
+            camera=optional_path("camera", camera),
             samples=samples,
             flat=flat,
             show_voxels=show_voxels,

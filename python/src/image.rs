@@ -78,7 +78,7 @@ impl Wanted {
         if flat && direct.is_some_and(|direct| direct != DirectMethod::Off) {
             return Err(bad_argument(py, "direct: not along with flat=True"));
         }
-        let noise = options.take::<f64>("noise")?;
+        let noise = options.positive("noise")?;
         let final_gather = options.take::<bool>("final_gather")?.unwrap_or(noise.is_some());
         let default = GatherSettings::default();
         Ok(Self {

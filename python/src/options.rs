@@ -48,9 +48,12 @@ impl<'py> Options<'py> {
         }
         let kind = value.get_type().name()?.to_string();
         let found = value.extract::<T>().map_err(Into::into);
-        found
-            .map(Some)
-            .map_err(|_| bad_argument(self.py(), &format!("{name}: {value} of type {kind} cannot be used")))
+        found.map(Some).map_err(|_| {
+            bad_argument(
+                self.py(),
+                &format!("{name}: {} of type {kind} cannot be used", shown(&value)),
+            )
+        })
     }
 
     /// Takes a setting that is one of some names.
@@ -148,10 +151,21 @@ impl<'py> Options<'py> {
                     .unwrap_or_default(),
             )
             .merge_tolerance(self.positive("merge_tolerance")?.unwrap_or(0.0))
-            .crease_angle(self.take("crease_angle")?.unwrap_or(default.crease_angle))
+            .crease_angle(self.crease_angle()?.unwrap_or(default.crease_angle))
             .one_surface(self.take("one_surface")?.unwrap_or(false))
             .surface_array(self.take("surface_array")?)
             .materials(self.take::<PathBuf>("materials")?))
+    }
+
+    fn crease_angle(&self) -> PyResult<Option<f64>> {
+        let angle = self.take::<f64>("crease_angle")?;
+        match angle.filter(|angle| !(0.0..=180.0).contains(angle)) {
+            Some(angle) => {
+                let text = format!("crease_angle: {angle} is not from 0 to 180 degrees");
+                Err(bad_argument(self.py(), &text))
+            }
+            None => Ok(angle),
+        }
     }
 
     fn flip(&self) -> PyResult<Flip> {
@@ -191,6 +205,9 @@ impl<'py> Options<'py> {
         ];
         let default = FormFactorRequest::default();
         let limit = self.positive("time_limit")?;
+        let too_long = |seconds| bad_argument(self.py(), &format!("time_limit: {seconds:e} s are too many"));
+        let duration = |seconds| Duration::try_from_secs_f64(seconds).map_err(|_| too_long(seconds));
+        let limit = limit.map(duration).transpose()?;
         Ok(FormFactorRequest {
             method: self.take("method")?.unwrap_or(default.method),
             settings: MethodSettings {
@@ -200,7 +217,7 @@ impl<'py> Options<'py> {
             tolerance_parameter: Parameter::Tolerance,
             balance: self.choice("balance", &balances)?.unwrap_or_default(),
             closure: self.closure()?,
-            time_limit: limit.map(|seconds| (Duration::from_secs_f64(seconds), then)),
+            time_limit: limit.map(|limit| (limit, then)),
             ..FormFactorRequest::default()
         })
     }
@@ -293,9 +310,8 @@ impl<'py> Options<'py> {
                 return Err(bad_argument(py, text));
             }
         };
-        let greatest = strengths.into_iter().fold(0.0, f64::max);
         Ok(Some(SunRequest {
-            sun: Sun::new(direction, greatest, radius).map_err(wrong)?,
+            sun: Sun::new(direction, worst(strengths), radius).map_err(wrong)?,
             irradiance: strengths,
         }))
     }
@@ -307,13 +323,28 @@ impl<'py> Options<'py> {
             _ => self.take::<[f64; 3]>("sky")?,
         };
         let made = irradiance.map(|irradiance| {
-            let least = irradiance.into_iter().fold(f64::INFINITY, f64::min);
-            let greatest = irradiance.into_iter().fold(0.0, f64::max);
-            // The worst of the three is what is refused.
-            let sky = Sky::new(if least < 0.0 { least } else { greatest }, up)?;
+            let sky = Sky::new(worst(irradiance), up)?;
             Ok(SkyRequest { sky, irradiance })
         });
         made.transpose()
             .map_err(|(_, wrong)| bad_argument(self.py(), &format!("sky: {wrong}")))
     }
+}
+
+/// Returns the strength of three channels that is refused if one is: not a number, negative, or the greatest.
+fn worst(channels: [f64; 3]) -> f64 {
+    let is_wrong = |value: &f64| value.is_nan() || *value < 0.0;
+    let greatest = channels.into_iter().fold(0.0, f64::max);
+    channels.into_iter().find(is_wrong).unwrap_or(greatest)
+}
+
+/// Returns a value on one line, of which a long one shows its start.
+fn shown(value: &Bound<'_, PyAny>) -> String {
+    const LONGEST: usize = 60;
+    let text = value.to_string();
+    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    if line.chars().count() <= LONGEST {
+        return line;
+    }
+    line.chars().take(LONGEST).chain(['…']).collect()
 }

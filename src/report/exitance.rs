@@ -6,6 +6,7 @@ use super::ReportError;
 use super::npy::{Header, push_reals};
 use crate::input_file;
 use crate::matrix::operator::Block;
+use crate::scene::{MAX_EXITANCE, MIN_EXITANCE};
 
 /// The most bytes of a file of exitances.
 const LIMIT: u64 = 1 << 34;
@@ -24,7 +25,7 @@ pub struct Exitances {
 /// Reads exitances, W·m⁻², from an array of NumPy: \[n\] or \[n, k\] of k grey lightings, \[n, k, 3\] of coloured ones, of f64 or f32.
 ///
 /// # Errors
-/// [`ReportError::Unreadable`], and [`ReportError::BadArray`] of what is no such array for `n_patches` patches, or holds a number that is negative or not finite.
+/// [`ReportError::Unreadable`], and [`ReportError::BadArray`] of what is no such array for `n_patches` patches, or holds a number that is neither 0 nor from [`MIN_EXITANCE`] to [`MAX_EXITANCE`].
 pub fn read(path: &Path, n_patches: usize) -> Result<Exitances, ReportError> {
     let bytes = input_file::read(path, LIMIT).map_err(|source| ReportError::unreadable(path, source))?;
     let bad = |reason: String| ReportError::BadArray {
@@ -34,7 +35,7 @@ pub fn read(path: &Path, n_patches: usize) -> Result<Exitances, ReportError> {
     let mut rest = bytes.as_slice();
     let (header, _) = Header::read(&mut rest).map_err(|reason| {
         bad(format!(
-            "{reason}; save it with `numpy.save(file, numpy.ascontiguousarray(exitance))`"
+            "{reason}; save it with `numpy.save(file, numpy.ascontiguousarray(exitance, '<f8'))`"
         ))
     })?;
     let shape = &header.shape;
@@ -53,10 +54,11 @@ pub fn read(path: &Path, n_patches: usize) -> Result<Exitances, ReportError> {
         return Err(bad(format!("numbers of type {:?}; save it as float64", header.dtype)));
     }
     let n_channels = values.len() / n_patches;
-    if let Some(k) = values.iter().position(|value| !(*value >= 0.0 && value.is_finite())) {
+    let is_possible = |value: f64| (MIN_EXITANCE..=MAX_EXITANCE).contains(&value) || value.abs() <= 0.0;
+    if let Some(k) = values.iter().position(|value| !is_possible(*value)) {
         let (patch, value) = (k / n_channels, values[k]);
         return Err(bad(format!(
-            "{value} of patch {patch} is negative or not finite; correct it"
+            "{value:?} of patch {patch} is neither 0 nor from {MIN_EXITANCE:e} to {MAX_EXITANCE:e}; correct it"
         )));
     }
     Ok(Exitances {

@@ -62,6 +62,24 @@ pub enum SceneWarningKind {
         /// Their name, in the plural.
         what: &'static str,
     },
+    /// Vertices have colours, which are not used: those of materials count.
+    #[error("the colours of the vertices of {} are not used; give reflectances by materials or --materials", counted(*count, "mesh"))]
+    UnusedColours {
+        /// How many meshes have them.
+        count: usize,
+    },
+    /// Physical groups have names, but no face is in any of them.
+    #[error("the file names {}, but no face is in any, so none is a surface; save faces with their groups, as MSH 2.2 does", counted(*count, "physical group"))]
+    EmptyGroups {
+        /// How many there are.
+        count: usize,
+    },
+    /// A file has no line that ends its data.
+    #[error("no line `{end}` ends the data: the file may be cut short; add the line if all is there")]
+    NoEnd {
+        /// The line.
+        end: &'static str,
+    },
     /// Faces of higher order are read as flat, through their corners.
     #[error("{} of higher order are read as flat, through their corners; export first order where they are curved", counted(*count, "face"))]
     HigherOrder {
@@ -222,6 +240,7 @@ impl SceneWarningKind {
             Self::UnknownMaterial { .. }
                 | Self::NoMaterial { .. }
                 | Self::NoMaterials
+                | Self::UnusedColours { .. }
                 | Self::IgnoredProperty { .. }
                 | Self::MissingReflectance { .. }
                 | Self::RepeatedMaterial { .. }

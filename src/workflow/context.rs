@@ -181,9 +181,9 @@ impl Context {
         self.begun.elapsed()
     }
 
-    /// Sets when all is to be over, counted from when the context was made.
+    /// Sets when all is to be over, counted from when the context was made; never, beyond the times of the clock.
     pub(super) fn end_within(&mut self, limit: Duration) {
-        self.deadline = Some(self.begun + limit);
+        self.deadline = self.begun.checked_add(limit);
     }
 
     /// Takes in what an audit found, with a warning for each check that fails.

@@ -320,7 +320,7 @@ impl Model {
         cx: &mut Context,
     ) -> FormFactorRequest {
         let left = limit.saturating_sub(cx.elapsed()).mul_f64(share);
-        let end = Instant::now() + left;
+        let end = Instant::now().checked_add(left);
         let tolerance = request.settings.tolerance().unwrap_or(request.default_tolerance);
         let (choice, forecast) = {
             let watch = cx.progress();
@@ -330,7 +330,7 @@ impl Model {
             (choice, watch.heard())
         };
         cx.note_forecast(forecast);
-        cx.deadline = Some(end);
+        cx.deadline = end;
         cx.settings.time_limit_s = Some(limit.as_secs_f64());
         self.plan.decide(
             "method",

@@ -84,6 +84,7 @@ pub fn load(
     if let Some(error) = refused.into_inner() {
         return Err(error);
     }
+    cx.go_on()?;
     Ok(told(loaded?, cx, on_darkness))
 }
 
@@ -168,10 +169,12 @@ impl Model {
             file: file.clone(),
             error,
         };
+        cx.go_on()?;
         let contact_edges = ContactEdges::of(&scene);
         if options.cut_at_walls {
             cx.time("contact_edges", || contact_edges.n_crossed_faces());
         }
+        cx.go_on()?;
         let n_patches = Mesh::count(&contact_edges, options).map_err(refused)?;
         let what = format!("to cut it into {n_patches} patches");
         let needed = PATCH_BYTE.saturating_mul(n_patches) + FACE_BYTE * scene.faces.len() as u64;
@@ -179,6 +182,7 @@ impl Model {
         let mesh = cx.time("mesh", || Mesh::at_contact_edges(&contact_edges, options));
         let mesh = mesh.map_err(refused)?;
         drop(contact_edges);
+        cx.go_on()?;
         let visibility = ray_tracer(&scene, &file, cx)?;
         let mut model = Self {
             scene,

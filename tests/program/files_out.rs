@@ -220,8 +220,9 @@ fn wrong_exitances_are_refused_in_one_line() {
         (
             "(6, 1)",
             vec![1.0, 1.0, -1.0, 1.0, 1.0, 1.0],
-            "-1 of patch 2 is negative",
+            "-1.0 of patch 2 is neither 0 nor from",
         ),
+        ("(6, 1)", vec![1e301; 6], "1e301 of patch 0 is neither 0 nor from"),
         ("(6, 1)", vec![f64::NAN; 6], "NaN of patch 0"),
     ] {
         write_array(&at.join("E.npy"), shape, &values);

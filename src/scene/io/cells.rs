@@ -76,7 +76,8 @@ pub(super) fn surfaces(
     Ok(())
 }
 
-fn unknown(name: &str, usable: &[Array]) -> SceneErrorKind {
+/// Returns the error of an array that is not among those of a file.
+pub(super) fn unknown(name: &str, usable: &[Array]) -> SceneErrorKind {
     const SHOWN: usize = 12;
     let known: Vec<String> = usable
         .iter()

@@ -73,18 +73,27 @@ impl Format {
 
     /// Returns the format of a file with some start.
     pub(super) fn of_start(path: &Path, head: &Head<'_>) -> Self {
-        let suffix = path.extension().map(|suffix| suffix.to_string_lossy().to_lowercase());
-        let has_suffix = |format: &Self| {
-            format
-                .0
-                .suffixes()
-                .iter()
-                .any(|known| suffix.as_deref() == Some(*known))
-        };
+        let has_suffix = |format: &Self| format.has_suffix(path);
         // Of several that the content allows, the one of the suffix.
         let shown = Self::all().filter(|format| format.0.recognises(head));
         let best = shown.min_by_key(|format| !has_suffix(format));
         best.or_else(|| Self::all().find(has_suffix)).unwrap_or(Self(&obj::Obj))
+    }
+
+    /// Returns whether files of the format have the suffix of a file.
+    fn has_suffix(self, path: &Path) -> bool {
+        let suffix = path.extension().map(|suffix| suffix.to_string_lossy().to_lowercase());
+        suffix.is_some_and(|suffix| self.0.suffixes().contains(&&*suffix))
+    }
+
+    /// Returns whether a file shows the format, by its start or its suffix.
+    pub(super) fn is_shown(self, path: &Path, head: &Head<'_>) -> bool {
+        self.0.recognises(head) || self.has_suffix(path)
+    }
+
+    /// Returns whether its files have cell arrays that can name surfaces.
+    pub(super) fn has_arrays(self) -> bool {
+        self.0.has_arrays()
     }
 
     pub(super) fn read(self, source: &Source<'_>, options: &LoadOptions) -> Result<Polygons, SceneError> {

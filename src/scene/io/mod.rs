@@ -9,7 +9,7 @@
 
 use std::path::Path;
 
-use super::{Scene, SceneError, SceneWarning};
+use super::{Scene, SceneError, SceneErrorKind, SceneWarning};
 
 mod arrays;
 mod assemble;
@@ -132,10 +132,25 @@ pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded
 pub(crate) fn load_within(path: &Path, options: &LoadOptions, room: Room<'_>) -> Result<Loaded, SceneError> {
     let source = Source::open(path, room)?;
     let format = options.format.unwrap_or_else(|| Format::of_start(path, &source.head()));
-    let polygons = format.read(&source, options)?;
+    let is_guess = options.format.is_none() && !format.is_shown(path, &source.head());
+    let polygons = match format.read(&source, options) {
+        Ok(polygons) if is_guess && polygons.faces.is_empty() => return Err(unknown_format(&source)),
+        Err(error) if is_guess && matches!(error.kind, SceneErrorKind::NotUtf8) => return Err(unknown_format(&source)),
+        read => read?,
+    };
+    if let Some(name) = options.surface_array.as_deref().filter(|_| !format.has_arrays()) {
+        return Err(source.error(cells::unknown(name, &[])));
+    }
     // The text is done with before the tables of the scene are made.
     drop(source);
     assemble::assemble(polygons, path, options)
+}
+
+/// Returns the error of a file that neither its content nor its suffix shows to be of a format.
+fn unknown_format(source: &Source<'_>) -> SceneError {
+    let message =
+        "the format is none of OBJ, STL, PLY, MSH, VTK, glTF and View3D; export one of these, or give --format";
+    source.error(SceneErrorKind::unsupported(message))
 }
 
 /// Returns the scene of an OBJ file and the library beside it, both as text: as if it were made in memory, where coordinates are what is meant and no face has a line.

@@ -33,6 +33,10 @@ impl Reader for Ply {
         head.bytes.starts_with(b"ply\n") || head.bytes.starts_with(b"ply\r")
     }
 
+    fn has_arrays(&self) -> bool {
+        true
+    }
+
     fn read(&self, source: &Source<'_>, options: &LoadOptions) -> Result<Polygons, SceneError> {
         let mut cursor = source.cursor();
         let (encoding, elements) = header(&mut cursor)?;

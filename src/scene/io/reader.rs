@@ -28,6 +28,11 @@ pub(super) trait Reader: Sync {
     /// Reads the polygons of a file.
     fn read(&self, source: &Source<'_>, options: &LoadOptions) -> Result<Polygons, SceneError>;
 
+    /// Returns whether its files have cell arrays that can name surfaces.
+    fn has_arrays(&self) -> bool {
+        false
+    }
+
     /// Returns the other files that a file names, as far as they exist, without reading the scene.
     #[cfg(feature = "cli")]
     fn companions(&self, _path: &Path) -> Vec<PathBuf> {

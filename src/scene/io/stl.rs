@@ -118,40 +118,102 @@ impl<'a> Triangles<'a> {
     }
 }
 
+/// The solids of a file, of which one alone names no surface: its name is mostly that of a program.
+#[derive(Default)]
+struct Solids {
+    names: Names,
+    n: usize,
+}
+
+impl Solids {
+    /// Adds a solid, and returns the number of its name.
+    fn add(&mut self, name: &str) -> u32 {
+        self.n += 1;
+        if name.is_empty() {
+            self.names.number(&format!("solid{}", self.n))
+        } else {
+            self.names.number(name)
+        }
+    }
+
+    /// Names the surfaces of all triangles.
+    fn end(self, mut triangles: Triangles<'_>) -> Polygons {
+        if self.n > 1 {
+            triangles.polygons.groups = self.names.all;
+        } else {
+            triangles.polygons.faces.iter_mut().for_each(|face| face.group = NONE);
+        }
+        triangles.end()
+    }
+}
+
+/// Reads a solid, and others behind it, as gmsh writes one for each surface.
 fn binary(source: &Source<'_>) -> Result<Polygons, SceneError> {
     let mut cursor = source.cursor();
-    cursor.take(HEADER - 4, "the header of 80 bytes")?;
-    let n = cursor.binary::<u32>("the number of triangles")?;
-    let (what, room) = ("triangles", cursor.left() / TRIANGLE);
-    if u64::from(n) > room {
-        let n = n.into();
-        return Err(source.error(SceneErrorKind::Truncated { what, n, room }));
-    }
-    source.expect(counts(n.into()))?;
     let mut triangles = Triangles::new(source, Numbering::elements("triangle", 1));
-    triangles.reserve(n as usize);
-    for number in 1..=n {
-        let mut point = |is_corner: bool| {
-            let mut numbers = [0.0; 3];
-            for x in &mut numbers {
-                let value: f32 = cursor.binary("a triangle")?;
-                if is_corner && (value.is_nan() || f64::from(value).abs() > MAX_COORDINATE) {
-                    let token = value.to_string();
-                    return Err(cursor.error_in(format!("triangle {number}"), SceneErrorKind::BadCoordinate { token }));
-                }
-                if is_corner {
-                    triangles.polygons.written.see_single(value);
-                }
-                *x = f64::from(value);
+    let mut solids = Solids::default();
+    let (mut n_before, mut is_first) = (0_u32, true);
+    loop {
+        let behind = cursor.left();
+        let header = cursor.take(HEADER - 4, "the header of 80 bytes")?;
+        let name = header.split(|byte| *byte == 0).next().unwrap_or_default();
+        let name = String::from_utf8_lossy(name).trim().to_owned();
+        let n = cursor.binary::<u32>("the number of triangles")?;
+        let (what, room) = ("triangles", cursor.left() / TRIANGLE);
+        if u64::from(n) > room {
+            let n = n.into();
+            return Err(if is_first {
+                source.error(SceneErrorKind::Truncated { what, n, room })
+            } else {
+                left_over(source, n_before, behind)
+            });
+        }
+        if n > 0 {
+            source.expect(counts(n.into()))?;
+            triangles.reserve(n as usize);
+            let group = solids.add(&name);
+            for number in 1..=n {
+                triangle(&mut cursor, &mut triangles, group, n_before.saturating_add(number))?;
             }
-            Ok(DVec3::from_array(numbers))
-        };
-        let normal = point(false)?;
-        let corners = [point(true)?, point(true)?, point(true)?];
-        triangles.push(normal, corners, NONE, number);
-        cursor.skip(2, "a triangle")?;
+            n_before = n_before.saturating_add(n);
+        }
+        is_first = false;
+        // Less than a triangle is padding.
+        match cursor.left() {
+            left if left < TRIANGLE => return Ok(solids.end(triangles)),
+            left if left < HEADER as u64 => return Err(left_over(source, n_before, left)),
+            _ => {}
+        }
     }
-    Ok(triangles.end())
+}
+
+/// Returns the error of a file that goes on behind the triangles that it states.
+fn left_over(source: &Source<'_>, n: u32, n_bytes: u64) -> SceneError {
+    let expected = format!("the end of the file, or another solid, after {n} triangles");
+    source.error(SceneErrorKind::malformed(expected, format!("{n_bytes} bytes")))
+}
+
+/// Reads a binary triangle.
+fn triangle(cursor: &mut Cursor<'_>, triangles: &mut Triangles<'_>, group: u32, number: u32) -> Result<(), SceneError> {
+    let mut point = |is_corner: bool| {
+        let mut numbers = [0.0; 3];
+        for x in &mut numbers {
+            let value: f32 = cursor.binary("a triangle")?;
+            if is_corner && (value.is_nan() || f64::from(value).abs() > MAX_COORDINATE) {
+                let token = value.to_string();
+                return Err(cursor.error_in(format!("triangle {number}"), SceneErrorKind::BadCoordinate { token }));
+            }
+            if is_corner {
+                triangles.polygons.written.see_single(value);
+            }
+            *x = f64::from(value);
+        }
+        Ok(DVec3::from_array(numbers))
+    };
+    let normal = point(false)?;
+    let corners = [point(true)?, point(true)?, point(true)?];
+    triangles.push(normal, corners, group, number);
+    cursor.skip(2, "a triangle")
 }
 
 /// Returns how many corners a file has at most if it is text, in which no byte is 0.
@@ -177,8 +239,7 @@ fn ascii(source: &Source<'_>, n_corners: u64) -> Result<Polygons, SceneError> {
     let mut cursor = source.cursor();
     source.expect(counts(n_corners.div_ceil(3)))?;
     let mut triangles = Triangles::new(source, Numbering::Lines);
-    let mut names = Names::default();
-    let mut n_solids = 0;
+    let mut solids = Solids::default();
     while let Some(line) = cursor.next_full_line()? {
         let text = cursor.last().trim_start_matches('\u{feff}');
         let keyword = text.split_whitespace().next().unwrap_or("");
@@ -189,22 +250,10 @@ fn ascii(source: &Source<'_>, n_corners: u64) -> Result<Polygons, SceneError> {
                 found,
             ));
         }
-        n_solids += 1;
-        let name = text.get(keyword.len()..).unwrap_or("").trim();
-        let group = if name.is_empty() {
-            names.number(&format!("solid{n_solids}"))
-        } else {
-            names.number(name)
-        };
+        let group = solids.add(text.get(keyword.len()..).unwrap_or("").trim());
         while facet(&mut cursor, &mut triangles, group)? {}
     }
-    // The name of a lone solid parts nothing, and is mostly that of a program.
-    if n_solids > 1 {
-        triangles.polygons.groups = names.all;
-    } else {
-        triangles.polygons.faces.iter_mut().for_each(|face| face.group = NONE);
-    }
-    Ok(triangles.end())
+    Ok(solids.end(triangles))
 }
 
 /// Reads a facet, or the end of a solid, which returns false.

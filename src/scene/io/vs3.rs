@@ -54,9 +54,11 @@ impl Reader for Vs3 {
             corners: 4 * n_lines,
             faces: n_lines,
         })?;
+        let (lines, has_end) = content_lines(text);
         let mut file = InputFile {
             source,
-            lines: content_lines(text),
+            lines,
+            has_end,
             at: 0,
             is_3a: None,
             vertices: Vec::new(),
@@ -69,8 +71,8 @@ impl Reader for Vs3 {
     }
 }
 
-/// Returns the lines up to the end of the data that have something in them, with their numbers, without comments.
-fn content_lines(text: &str) -> Vec<(u32, &str)> {
+/// Returns the lines up to the end of the data that have something in them, with their numbers, without comments, and whether a line ends the data.
+fn content_lines(text: &str) -> (Vec<(u32, &str)>, bool) {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let mut lines = Vec::new();
     for (number, line) in (1..).zip(text.lines()) {
@@ -78,13 +80,13 @@ fn content_lines(text: &str) -> Vec<(u32, &str)> {
         let end = line.find(['!', '/']).filter(|_| !is_title).unwrap_or(line.len());
         let content = line[..end].trim();
         if content.starts_with(['*', 'E', 'e']) {
-            break;
+            return (lines, true);
         }
         if !content.is_empty() {
             lines.push((number, content));
         }
     }
-    lines
+    (lines, false)
 }
 
 /// The use of a surface.
@@ -111,6 +113,8 @@ struct Surface {
 struct InputFile<'a> {
     source: &'a Source<'a>,
     lines: Vec<(u32, &'a str)>,
+    /// Whether a line ends the data.
+    has_end: bool,
     at: usize,
     /// True for `F 3a`, false for `F 3`.
     is_3a: Option<bool>,
@@ -369,6 +373,11 @@ impl<'a> InputFile<'a> {
             polygons
                 .warnings
                 .push(SceneWarning::new(Origin::file(&self.source.path), kind));
+        }
+        if !self.has_end {
+            let at = Origin::file(&self.source.path);
+            let kind = SceneWarningKind::NoEnd { end: "End of data" };
+            polygons.warnings.push(SceneWarning::new(at, kind));
         }
         if let Some((line, count)) = self.unknown {
             let kind = SceneWarningKind::SkippedStatements {

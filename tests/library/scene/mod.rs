@@ -7,5 +7,6 @@ mod camera;
 mod facing;
 mod formats;
 mod load;
+mod odd_files;
 mod streams;
 mod write;

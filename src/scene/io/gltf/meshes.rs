@@ -18,6 +18,9 @@ use crate::scene::{
 /// Nodes below one another beyond which a file is refused: those of a circle have no end.
 const MAX_DEPTH: usize = 1 << 10;
 
+/// What is not used of vertices.
+const COLOURS: &str = "colours of vertices";
+
 /// The modes of primitives that are triangles.
 const TRIANGLES: u32 = 4;
 const STRIP: u32 = 5;
@@ -84,7 +87,11 @@ pub(super) fn polygons<'s>(
     };
     let file = Origin::file(&source.path);
     let mut warn = |count, what| {
-        let kind = SceneWarningKind::SkippedElements { count, what };
+        let kind = if what == COLOURS {
+            SceneWarningKind::UnusedColours { count }
+        } else {
+            SceneWarningKind::SkippedElements { count, what }
+        };
         polygons.warnings.push(SceneWarning::new(file.clone(), kind));
     };
     if n_thin > 0 {
@@ -143,7 +150,10 @@ impl<'a> Meshes<'a> {
             let Some(own) = self.document.nodes.get(node) else {
                 return Err(refused("a node of the file", &node.to_string()));
             };
-            if depth > MAX_DEPTH || std::mem::replace(&mut is_seen[node], true) {
+            if depth > MAX_DEPTH {
+                return Err(refused("at most 1024 nodes below one another", "more"));
+            }
+            if std::mem::replace(&mut is_seen[node], true) {
                 return Err(refused("each node once below one other", "it again"));
             }
             let (transform, [part, shift]) = transform(own);
@@ -205,7 +215,7 @@ impl<'a> Meshes<'a> {
         }
         let unread = [
             (!primitive.targets.is_empty(), "morph targets"),
-            (primitive.attributes.contains_key("COLOR_0"), "colours of vertices"),
+            (primitive.attributes.contains_key("COLOR_0"), COLOURS),
         ];
         let new: Vec<_> = unread
             .into_iter()

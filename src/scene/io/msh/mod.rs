@@ -13,7 +13,9 @@ use super::reader::{Head, Reader};
 use super::scalar::Binary;
 use super::source::Source;
 use super::{LoadOptions, stl};
-use crate::scene::{MAX_COORDINATE, Numbering, SceneError, SceneErrorKind, Written};
+use crate::scene::{
+    MAX_COORDINATE, Numbering, Origin, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind, Written,
+};
 
 /// The format.
 pub(super) struct Msh;
@@ -157,6 +159,10 @@ impl<'a> MeshFile<'a> {
             "$Nodes" => self.nodes_v4(cursor)?,
             "$Elements" if self.version.0 == 2 => self.elements_v2(cursor)?,
             "$Elements" => self.elements_v4(cursor)?,
+            "$ParametricNodes" => {
+                let message = "`$ParametricNodes` are not read; save without parameters (Mesh.SaveParametric)";
+                return Err(cursor.error(SceneErrorKind::unsupported(message)));
+            }
             "$PartitionedEntities" => {
                 let message = "partitioned meshes are not read; save without partitions";
                 return Err(cursor.error(SceneErrorKind::unsupported(message)));
@@ -304,6 +310,16 @@ impl<'a> MeshFile<'a> {
                 };
             }
             self.polygons.groups = names.all;
+        }
+        let n_named = self
+            .physical_names
+            .keys()
+            .filter(|(dimension, _)| *dimension == 2)
+            .count();
+        if !has_physical && n_named > 0 {
+            let kind = SceneWarningKind::EmptyGroups { count: n_named };
+            let at = Origin::file(&self.source.path);
+            self.polygons.warnings.push(SceneWarning::new(at, kind));
         }
         let warnings = self.others.warnings(&self.source.path);
         self.polygons.warnings.extend(warnings);

@@ -32,6 +32,10 @@ impl Reader for Vtk {
         head.begins_with("# vtk DataFile") || is_xml(head)
     }
 
+    fn has_arrays(&self) -> bool {
+        true
+    }
+
     fn read(&self, source: &Source<'_>, options: &LoadOptions) -> Result<Polygons, SceneError> {
         let dataset = if source.head().begins_with("<") {
             xml::read(source)?
