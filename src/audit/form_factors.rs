@@ -1,12 +1,8 @@
 //! Conservation checks of form factors.
 
-use std::ops::Range;
-
-use rayon::prelude::*;
-
 use super::{At, Audit, Law, Worst};
 use crate::form_factor::Reciprocity;
-use crate::matrix::{Closed, DiskError, FormFactors, Precision, RowTally};
+use crate::matrix::{Closed, DiskError, FormFactors, Precision, RowBlock, RowTally};
 
 /// Standard deviations that a count of rays may be off. With the same number of rays on top, a Poisson variable of any mean goes further by
 /// chance less than once in 10^13, and so in a matrix of 10^10 pairs less than once in a thousand runs.
@@ -119,8 +115,7 @@ impl Found {
 /// # Errors
 /// [`DiskError`] if the form factors cannot be read.
 pub fn form_factors(factors: &FormFactors, claims: Claims<'_>) -> Result<FormFactorAudit, DiskError> {
-    let blocks = factors.row_blocks().into_par_iter();
-    let blocks: Vec<Found> = blocks.map(|rows| rows_of(factors, claims, rows)).collect();
+    let blocks = factors.map_row_blocks(|block| rows_of(factors, claims, block));
     let own = blocks.iter().fold(Found::default(), Found::and);
     let of_ranks = factors.gathered(own.worst().map(Worst::numbers).as_flattened().to_vec());
     let of_ranks = of_ranks.as_chunks().0.as_chunks().0.iter().map(Found::of_numbers);
@@ -160,7 +155,8 @@ pub fn form_factors(factors: &FormFactors, claims: Claims<'_>) -> Result<FormFac
     factors.if_readable(FormFactorAudit { audit, gain: all.gain })
 }
 
-fn rows_of(factors: &FormFactors, claims: Claims<'_>, rows: Range<usize>) -> Found {
+fn rows_of(factors: &FormFactors, claims: Claims<'_>, block: &RowBlock<'_>) -> Found {
+    let rows = block.rows.clone();
     let areas = factors.areas();
     let unit = unit(factors);
     let symmetric = factors.is_symmetric();
@@ -168,7 +164,7 @@ fn rows_of(factors: &FormFactors, claims: Claims<'_>, rows: Range<usize>) -> Fou
     let per_ray = |i: usize| factors.tallies()[i].effective_rays().map(|n| areas[i] / n);
     let mut found = Found::default();
     let mut sums = vec![Sums::default(); rows.len()];
-    factors.for_each_pair(rows.clone(), 0, |i, j, pair| {
+    block.for_each_pair(0, |i, j, pair| {
         let (value, error) = pair.there;
         let smaller = areas[i].min(areas[j]);
         let (there, back) = (areas[i] * value, areas[j] * pair.back.0);

@@ -1,9 +1,9 @@
 //! How good form factors are, as far as they can tell by themselves.
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::form_factors::FormFactors;
+use super::transpose::RowBlock;
 
 /// Least and greatest of some values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -139,8 +139,8 @@ impl FormFactors {
     #[must_use]
     pub fn checks<'a>(&self, closed: impl Into<Closed<'a>>) -> Checks {
         let closed = closed.into();
-        let blocks = self.row_blocks().into_par_iter();
-        let own = blocks.map(|rows| self.check_rows(rows, closed)).reduce(nothing, join);
+        let blocks = self.map_row_blocks(|block| self.check_rows(block, closed));
+        let own = blocks.into_iter().fold(nothing(), join);
         let of_ranks = self.gathered(own.numbers().to_vec());
         let of_ranks = of_ranks.as_chunks().0.iter().map(Checks::of_numbers);
         let mut checks = of_ranks.fold(nothing(), join);
@@ -152,10 +152,11 @@ impl FormFactors {
         checks
     }
 
-    fn check_rows(&self, rows: std::ops::Range<usize>, closed: Closed<'_>) -> Checks {
+    fn check_rows(&self, block: &RowBlock<'_>, closed: Closed<'_>) -> Checks {
+        let rows = block.rows.clone();
         let mut checks = nothing();
         let mut row_sums = vec![0.0; rows.len()];
-        self.for_each_pair(rows.clone(), 0, |i, j, pair| {
+        block.for_each_pair(0, |i, j, pair| {
             let (a_i, a_j) = (self.areas[i], self.areas[j]);
             let (there, back) = (a_i * pair.there.0, a_j * pair.back.0);
             let smaller = a_i.min(a_j);

@@ -51,7 +51,7 @@ impl FormFactors {
     /// Returns the connected components where this rank stores the rows `held`: those that the rows of each rank make are joined. Collective.
     pub(super) fn components_of_parts(&self, held: Range<usize>) -> Components {
         let n = self.n_rows();
-        let n_alone = count_alone(self);
+        let n_alone = if self.is_symmetric() { count_alone(self) } else { 0 };
         let mut sets = DisjointSets::new(n);
         let mut n_components = n;
         for i in held {

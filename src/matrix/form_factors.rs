@@ -26,7 +26,7 @@ use super::{disk, symmetric};
 /// reads the file once, what goes row by row keeps 64 rows a thread. Where the file cannot be read, or is not what was written, numbers are
 /// NaN from then on, and [`failure`](Self::failure) tells why.
 ///
-/// With [`StorageChoice::ranks`] several ranks work on the rows, and each stores a part of exchange areas in memory. A row is read on the rank that stores it; products, sums, checks and repairs are collective.
+/// With [`StorageChoice::ranks`] several ranks work on the rows, and each stores a part of what is in memory. A row is read on the rank that stores it; products, sums, checks and repairs are collective.
 #[doc(alias = "view factor")]
 #[derive(Clone, Debug)]
 pub struct FormFactors {
@@ -59,7 +59,7 @@ impl FormFactors {
         if let Place::Disk(scratch) = storage.place {
             return Self::to_disk(areas, tiles, storage, scratch);
         }
-        let (mut rows, mut tallies) = (Rows::default(), Vec::with_capacity(n));
+        let (mut rows, mut tallies) = (Rows::new(n, storage), Vec::with_capacity(n));
         for tile in tiles {
             if tile.n_rows() == 0 {
                 continue;
@@ -68,14 +68,26 @@ impl FormFactors {
                 let (expected, found) = (tallies.len(), tile.first_row());
                 return Err(MatrixError::TileOrder { expected, found });
             }
-            rows.push(&tile, n, storage)?;
+            rows.push(&tile)?;
             tallies.extend_from_slice(tile.tallies());
         }
         if tallies.len() != n {
             let (expected, found) = (n, tallies.len());
             return Err(MatrixError::RowCount { expected, found });
         }
-        Ok(Self::of(areas, Arc::new(rows), tallies, storage))
+        Ok(Self::of(areas, rows.finish(), tallies, storage))
+    }
+
+    /// Stores the rows that are this rank's of several, in memory. Collective.
+    pub(super) fn from_own_tiles(
+        areas: Vec<f64>,
+        tallies: Vec<RowTally>,
+        tiles: impl IntoIterator<Item = RowTile>,
+        storage: StorageChoice<'_>,
+    ) -> Result<Self, MatrixError> {
+        let mut rows = Rows::new(areas.len(), storage);
+        tiles.into_iter().try_for_each(|tile| rows.push(&tile))?;
+        Ok(Self::of(areas, rows.finish(), tallies, storage))
     }
 
     fn to_disk(

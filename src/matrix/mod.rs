@@ -42,3 +42,4 @@ pub(crate) use form_factors::UPPER_ROWS;
 pub(crate) use kernel::coefficients::{Coefficients, ROWS_AT_ONCE, products};
 pub(crate) use kernel::lanes::weighted_products;
 pub(crate) use product::roundings;
+pub(crate) use transpose::{ENTRIES_AT_ONCE, RowBlock};

@@ -110,7 +110,9 @@ fn ranks_that_store_parts_read_and_repair_as_one_process() {
         (Place::default(), Layout::Dense, true),
         (Place::default(), Layout::Sparse, true),
         (Place::default(), Layout::Auto, false),
+        (Place::default(), Layout::Dense, false),
         (Place::Disk(scratch), Layout::Auto, true),
+        (Place::Disk(scratch), Layout::Auto, false),
     ] {
         let made = |ranks: Option<Among<'_>>| {
             let storage = StorageChoice {
@@ -126,7 +128,7 @@ fn ranks_that_store_parts_read_and_repair_as_one_process() {
             let factors = if is_upper {
                 FormFactors::from_exchange_tiles(areas.clone(), [tile], storage)
             } else {
-                FormFactors::from_tiles(areas.clone(), [tile], storage)
+                FormFactors::from_tiles(areas.clone(), in_tiles(&tile, 11), storage)
             };
             factors.expect("form factors")
         };
@@ -136,7 +138,8 @@ fn ranks_that_store_parts_read_and_repair_as_one_process() {
             let (balanced, report) = symmetric.balanced(&targets, 1e-3, 5).expect("balanced");
             let (closed, of_closed) = symmetric.closed(&targets, 1e-3, 9).expect("closed");
             let reports = format!("{report:?} {of_closed:?}");
-            ([factors, &symmetric, &balanced, &closed].map(read), reports)
+            let pooled = factors.pooled().expect("pooled");
+            ([factors, &symmetric, &balanced, &closed, &pooled].map(read), reports)
         };
         let whole = made(None);
         let (expected, every_entry) = (all(&whole), entries(&whole));
@@ -144,8 +147,7 @@ fn ranks_that_store_parts_read_and_repair_as_one_process() {
             on_ranks(n_ranks, |ranks| {
                 let factors = made(Some(Among(&ranks)));
                 assert!(all(&factors) == expected, "{n_ranks} ranks, {layout:?}, {place:?}");
-                let is_shared = is_upper && !place.is_on_disk();
-                assert_eq!(factors.held_rows().is_some(), is_shared);
+                assert_eq!(factors.held_rows().is_some(), !place.is_on_disk());
                 let read = factors.by_first(|| entries(&factors));
                 assert_eq!(read.is_some(), ranks.is_first());
                 assert!(read.is_none_or(|read| read == every_entry));
@@ -174,9 +176,26 @@ fn with_errors(tile: &RowTile) -> RowTile {
             .iter()
             .map(|&(j, value, _)| (j, value, 0.1 * value))
             .collect();
-        made.push_row(&row, RowTally::default());
+        let tally = RowTally {
+            n_rays: 1000 + k as u64,
+            ..RowTally::default()
+        };
+        made.push_row(&row, tally);
     }
     made
+}
+
+/// The same rows in tiles of a few, which begin and end anywhere in those of ranks.
+fn in_tiles(tile: &RowTile, n_rows: usize) -> Vec<RowTile> {
+    let starts = (0..tile.n_rows()).step_by(n_rows);
+    let part = |start: usize| {
+        let mut part = RowTile::new(start);
+        for k in start..tile.n_rows().min(start + n_rows) {
+            part.push_row(tile.row(k), tile.tallies()[k]);
+        }
+        part
+    };
+    starts.map(part).collect()
 }
 
 /// A rank that reads a row of another without asking for it is stopped: no number is taken for zero.

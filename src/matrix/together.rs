@@ -63,7 +63,7 @@ impl Together {
         }
         self.ranks.all_gather(&(block as u64).to_le_bytes());
         let sent = self.ranks.all_gather(&[]).concat();
-        let tile = Arc::new(decode(first_row, &sent));
+        let tile = Arc::new(decode(&sent).expect("the rank that stores the rows sends them"));
         if came.len() > rayon::current_num_threads() {
             came.pop_front();
         }
@@ -72,9 +72,21 @@ impl Together {
     }
 }
 
+/// Returns the sums of what each rank counts. Collective.
+pub(in crate::matrix) fn sums_of_ranks<const N: usize>(ranks: &dyn Ranks, own: [usize; N]) -> [usize; N] {
+    let of_ranks = ranks.all_gather(own.map(|count| (count as u64).to_le_bytes()).as_flattened());
+    of_ranks.iter().fold([0; N], |mut sums: [usize; N], bytes| {
+        for (sum, count) in sums.iter_mut().zip(bytes.as_chunks().0) {
+            *sum = sum.saturating_add(usize::try_from(u64::from_le_bytes(*count)).unwrap_or(usize::MAX));
+        }
+        sums
+    })
+}
+
 /// Returns the bytes of rows.
 pub(in crate::matrix) fn encode(tile: &RowTile) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(20 * tile.n_entries() + 8 * tile.n_rows());
+    let mut bytes = Vec::with_capacity(20 * tile.n_entries() + 8 * tile.n_rows() + 8);
+    bytes.extend((tile.first_row() as u64).to_le_bytes());
     for k in 0..tile.n_rows() {
         bytes.extend((tile.row(k).len() as u64).to_le_bytes());
         for &(j, value, error) in tile.row(k) {
@@ -86,10 +98,10 @@ pub(in crate::matrix) fn encode(tile: &RowTile) -> Vec<u8> {
     bytes
 }
 
-/// Returns rows from their bytes.
-pub(in crate::matrix) fn decode(first_row: usize, bytes: &[u8]) -> RowTile {
-    let mut tile = RowTile::new(first_row);
-    let mut rest = bytes;
+/// Returns rows from their bytes; `None` of no bytes.
+pub(in crate::matrix) fn decode(bytes: &[u8]) -> Option<RowTile> {
+    let (first_row, mut rest) = bytes.split_first_chunk()?;
+    let mut tile = RowTile::new(usize::try_from(u64::from_le_bytes(*first_row)).unwrap_or(usize::MAX));
     let mut row: Vec<Entry> = Vec::new();
     while let Some((n, after)) = rest.split_first_chunk() {
         let n = usize::try_from(u64::from_le_bytes(*n)).unwrap_or(usize::MAX);
@@ -100,7 +112,7 @@ pub(in crate::matrix) fn decode(first_row: usize, bytes: &[u8]) -> RowTile {
         rest = &after[20 * n..];
         debug_assert_eq!(rest.len() / 20, others.len());
     }
-    tile
+    Some(tile)
 }
 
 fn entry(bytes: &[u8; 20]) -> Entry {
@@ -190,6 +202,29 @@ impl FormFactors {
             together.ranks.all_gather(&bytes);
         }
         None
+    }
+
+    /// Returns the tiles that each rank gives, rank by rank. Collective.
+    pub(super) fn sent_by_all(&self, own: &[RowTile]) -> Vec<RowTile> {
+        let Some(together) = &self.together else {
+            return own.to_vec();
+        };
+        let own: Vec<Vec<u8>> = own.par_iter().map(encode).collect();
+        let with_lengths = own
+            .iter()
+            .map(|bytes| [&(bytes.len() as u64).to_le_bytes(), &bytes[..]].concat());
+        let came = together.ranks.all_gather(&with_lengths.collect::<Vec<_>>().concat());
+        let mut tiles = Vec::new();
+        for bytes in &came {
+            let mut rest = bytes.as_slice();
+            while let Some((length, after)) = rest.split_first_chunk() {
+                let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
+                let (tile, others) = after.split_at(length);
+                tiles.push(tile);
+                rest = others;
+            }
+        }
+        tiles.into_par_iter().filter_map(decode).collect()
     }
 
     /// Gathers all rows on every rank, which keeps them as long as the matrix. Collective.

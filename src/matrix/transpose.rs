@@ -1,12 +1,15 @@
 //! Rows of F beside the same rows of its transpose, block by block, so that each pass over F reads memory in order.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
-use super::choice::Place;
+use rayon::prelude::*;
+
 use super::form_factors::FormFactors;
 use super::kernel::sizes::SIDE;
-use super::tile::Entry;
-use crate::matrix::tile::index;
+use super::tile::{Entry, RowTally, RowTile, index};
+use super::together::{blocks_of, decode, encode, rows_of};
+use crate::threads;
 
 /// Rows that are transposed at a time, at least: a few cache lines of every row of F.
 const BLOCK_ROWS: usize = 32;
@@ -23,20 +26,108 @@ pub(crate) struct Pair {
     pub(crate) back: (f64, f64),
 }
 
+/// Entries of columns that ranks send one another at a time, where a block has no more: some 80 MB.
+pub(crate) const ENTRIES_AT_ONCE: f64 = 4_194_304.0;
+
+/// Some rows, beside the same rows of the transpose.
+pub(crate) struct RowBlock<'a> {
+    factors: &'a FormFactors,
+    pub(crate) rows: Range<usize>,
+    /// Their columns, where other ranks store parts of them.
+    columns: Option<Vec<Vec<Entry>>>,
+}
+
 impl FormFactors {
-    /// Returns the ranges of this rank's rows in which the transpose is best asked for.
-    pub(crate) fn row_blocks(&self) -> Vec<Range<usize>> {
-        let own = self.own_rows();
-        // On a disk, rows are best read together with those of their tiles.
-        let n_together = match self.storage().place {
-            Place::Memory { .. } => self.rows_of_block(),
-            Place::Disk(_) => SIDE,
-        };
-        let starts = own.clone().step_by(n_together);
-        starts.map(|start| start..own.end.min(start + n_together)).collect()
+    /// Returns what `work` makes of blocks of this rank's rows, in order. Collective.
+    pub(crate) fn map_row_blocks<R: Send>(&self, work: impl Fn(&RowBlock<'_>) -> R + Sync + Send) -> Vec<R> {
+        if !self.needs_columns() {
+            let blocks = blocks_in(self.own_rows(), self.rows_together());
+            let n = self.n_rows();
+            return threads::map(threads::pay(n * n), blocks.len(), |k| {
+                work(&self.row_block(blocks[k].clone()))
+            });
+        }
+        let mut all = Vec::new();
+        let act = |blocks: &[RowBlock<'_>]| all.par_extend(blocks.par_iter().map(&work));
+        self.for_each_round(self.rows_together(), act);
+        all
     }
 
-    fn rows_of_block(&self) -> usize {
+    /// Returns whether entries of columns come from other ranks.
+    pub(super) fn needs_columns(&self) -> bool {
+        self.held_rows().is_some() && !self.is_symmetric()
+    }
+
+    /// Returns rows whose columns are stored here.
+    pub(super) fn row_block(&self, rows: Range<usize>) -> RowBlock<'_> {
+        let (factors, columns) = (self, None);
+        RowBlock { factors, rows, columns }
+    }
+
+    /// Calls `act` with blocks of `n_together` of this rank's rows, with the columns that other ranks send, as many times on each rank: with none on those that are done. Collective.
+    pub(super) fn for_each_round(&self, n_together: usize, mut act: impl FnMut(&[RowBlock<'_>])) {
+        let (Some(together), Some(held)) = (&self.together, self.held_rows()) else {
+            return;
+        };
+        let ranks = &together.ranks;
+        let n = self.n_rows();
+        let of_ranks: Vec<Vec<Range<usize>>> = (0..ranks.size())
+            .map(|rank| blocks_in(rows_of(n, &blocks_of(n, rank, ranks.size())), n_together))
+            .collect();
+        let per_block = (self.density() * (n * n_together) as f64).max(1.0);
+        #[expect(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            reason = "up to ENTRIES_AT_ONCE"
+        )]
+        let n_at_once = ((ENTRIES_AT_ONCE / per_block) as usize).max(1);
+        let n_most = of_ranks.iter().map(Vec::len).max().unwrap_or(0);
+        // By turns, so that all ranks have work.
+        let all_asked: Vec<(usize, &Range<usize>)> = (0..n_most)
+            .flat_map(|k| {
+                of_ranks
+                    .iter()
+                    .enumerate()
+                    .filter_map(move |(rank, own)| Some((rank, own.get(k)?)))
+            })
+            .collect();
+        for asked in all_asked.chunks(n_at_once) {
+            let columns_of = |block: &Range<usize>| {
+                let mut tile = RowTile::new(block.start);
+                for column in self.entries.columns(block.clone(), held.clone()) {
+                    tile.push_row(&column, RowTally::default());
+                }
+                encode(&tile)
+            };
+            let columns: Vec<Vec<u8>> = asked.par_iter().map(|(_, block)| columns_of(block)).collect();
+            let lengths = columns.iter().flat_map(|bytes| (bytes.len() as u64).to_le_bytes());
+            let came = ranks.all_gather(&lengths.chain(columns.iter().flatten().copied()).collect::<Vec<u8>>());
+            let own = asked
+                .par_iter()
+                .enumerate()
+                .filter(|(_, (rank, _))| *rank == ranks.rank());
+            let with_columns: Vec<RowBlock<'_>> = own
+                .map(|(k, (_, rows))| RowBlock {
+                    factors: self,
+                    rows: (*rows).clone(),
+                    columns: Some(joined(&came, k, asked.len(), rows.len())),
+                })
+                .collect();
+            act(&with_columns);
+        }
+    }
+
+    /// Returns blocks of all rows, whichever rank works on them.
+    pub(super) fn all_row_blocks(&self) -> Vec<Range<usize>> {
+        blocks_in(0..self.n_rows(), self.rows_together())
+    }
+
+    /// Returns how many rows are best transposed at a time.
+    fn rows_together(&self) -> usize {
+        // On a disk, rows are best read together with those of their tiles.
+        if self.storage().place.is_on_disk() {
+            return SIDE;
+        }
         let n = self.n_rows();
         let per_row = (self.density() * n as f64).max(1.0);
         #[expect(
@@ -45,21 +136,49 @@ impl FormFactors {
             reason = "from 1 to BLOCK_ENTRIES"
         )]
         let fitting = (BLOCK_ENTRIES / per_row) as usize;
-        fitting.min(n / MIN_BLOCKS).max(BLOCK_ROWS)
+        let n_together = fitting.min(n / MIN_BLOCKS).max(BLOCK_ROWS);
+        // So that blocks begin in the same rows on any number of ranks.
+        if n_together < SIDE {
+            BLOCK_ROWS
+        } else {
+            n_together / SIDE * SIDE
+        }
     }
+}
 
-    /// Calls `visit(i, j, pair)` for all i in `rows` and all j from `first_column` on where F_ij or F_ji is stored, row by row in
+/// Cuts rows into blocks.
+fn blocks_in(rows: Range<usize>, n_together: usize) -> Vec<Range<usize>> {
+    let starts = rows.clone().step_by(n_together);
+    starts.map(|start| start..rows.end.min(start + n_together)).collect()
+}
+
+/// Returns the columns of block `k` of the `n` blocks of which each rank sent its part, one rank after the other.
+fn joined(came: &[Vec<u8>], k: usize, n: usize, n_columns: usize) -> Vec<Vec<Entry>> {
+    let mut columns: Vec<Vec<Entry>> = vec![Vec::new(); n_columns];
+    for bytes in came {
+        let lengths = bytes[..8 * n].as_chunks().0.iter();
+        let length = |of: &[u8; 8]| usize::try_from(u64::from_le_bytes(*of)).unwrap_or(usize::MAX);
+        let begin = 8 * n + lengths.clone().take(k).map(length).sum::<usize>();
+        let end = begin + lengths.skip(k).map(length).next().unwrap_or(0);
+        if let Some(tile) = decode(&bytes[begin..end]) {
+            for (column, row) in columns.iter_mut().zip(0..tile.n_rows()) {
+                column.extend_from_slice(tile.row(row));
+            }
+        }
+    }
+    columns
+}
+
+impl RowBlock<'_> {
+    /// Calls `visit(i, j, pair)` for all i of the rows and all j from `first_column` on where F_ij or F_ji is stored, row by row in
     /// ascending order.
-    pub(crate) fn for_each_pair(
-        &self,
-        rows: Range<usize>,
-        first_column: usize,
-        mut visit: impl FnMut(usize, usize, Pair),
-    ) {
-        let others = first_column..self.n_rows();
-        if let Some(row_factors) = self.entries.row_factors() {
+    pub(crate) fn for_each_pair(&self, first_column: usize, mut visit: impl FnMut(usize, usize, Pair)) {
+        let (factors, rows) = (self.factors, self.rows.clone());
+        let others = first_column..factors.n_rows();
+        let entries = factors.by_rows();
+        if let Some(row_factors) = entries.row_factors() {
             for i in rows {
-                self.for_each_number(i, others.clone(), &mut |j, value, std_error| {
+                factors.for_each_number(i, others.clone(), &mut |j, value, std_error| {
                     let scaled = |factor: f64| (factor * value, factor * std_error);
                     let (there, back) = (scaled(row_factors[i]), scaled(row_factors[j]));
                     visit(i, j, Pair { there, back });
@@ -67,14 +186,18 @@ impl FormFactors {
             }
             return;
         }
-        let columns = self.entries.columns(rows.clone(), others.clone());
+        let columns = match &self.columns {
+            Some(columns) => Cow::Borrowed(columns),
+            None => Cow::Owned(entries.columns(rows.clone(), others.clone())),
+        };
         let mut row = Vec::new();
-        for (i, column) in rows.zip(columns) {
+        for (i, column) in rows.zip(columns.iter()) {
             row.clear();
-            self.entries.for_each(i, others.clone(), &mut |j, value, std_error| {
+            entries.for_each(i, others.clone(), &mut |j, value, std_error| {
                 row.push((index(j), value, std_error));
             });
-            merge(&row, &column, |j, pair| visit(i, j, pair));
+            let begin = column.partition_point(|entry| (entry.0 as usize) < others.start);
+            merge(&row, &column[begin..], |j, pair| visit(i, j, pair));
         }
     }
 }

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::whole;
-use crate::matrix::{Layout, Precision};
+use crate::matrix::{ENTRIES_AT_ONCE, Layout, Precision};
 use crate::mesh::Mesh;
 use crate::parameter::{Named, Parameter, plainly};
 use crate::setting::ticked;
@@ -39,7 +39,7 @@ pub struct StorageDemand {
     pub accuracy: Option<Accuracy>,
     /// The limit of memory.
     pub limit_byte: u64,
-    /// K, the number of ranks that share the work: each stores the tiles of exchange areas in memory that its rows need, and rows whole.
+    /// K, the number of ranks that share the work: each stores its rows, or the tiles of exchange areas that these need, where they are in memory.
     pub n_ranks: usize,
     /// The solver, if it goes through the rows one after the other: then each rank gathers all of them.
     pub rows_for: Option<&'static str>,
@@ -52,6 +52,14 @@ impl StorageDemand {
         let n_blocks = (self.n_patches as f64 / SIDE).ceil().max(1.0);
         let own = (n_blocks / self.n_ranks.max(1) as f64).ceil();
         own * (2.0 * n_blocks + 1.0 - own) / (n_blocks * (n_blocks + 1.0))
+    }
+
+    /// Returns the share of the rows that a rank stores at most: its own, and what tiles at both ends have of others.
+    #[must_use]
+    pub fn row_share(&self) -> f64 {
+        let n_blocks = (self.n_patches as f64 / SIDE).ceil().max(1.0);
+        let own = (n_blocks / self.n_ranks.max(1) as f64).ceil();
+        ((own + 2.0) / n_blocks).min(1.0)
     }
 
     /// Returns the solver for which each of several ranks gathers all rows.
@@ -344,17 +352,30 @@ fn estimate(demand: &StorageDemand, layout: Layout, precision: Precision, on_dis
     };
     let (rows, upper) = (n * n * place(on_disk), 0.5 * n * (n + SIDE) * place(true));
     let n_tiles = (n / SIDE).ceil().powi(2);
-    let (mut n_rows, mut n_upper) = if demand.by_rows { (1.0, 0.0) } else { (0.0, 1.0) };
+    let (n_rows, mut n_upper) = if demand.by_rows { (1.0, 0.0) } else { (0.0, 1.0) };
     if demand.repaired {
         n_upper += 2.0;
     }
-    n_rows += f64::from(demand.n_beside);
+    let n_beside = f64::from(demand.n_beside);
     let slot = 40.0;
     let matrix = if on_disk {
-        slot * n_tiles * (n_rows + 0.5 * n_upper)
+        slot * n_tiles * (n_rows + n_beside + 0.5 * n_upper)
     } else {
-        let gathered = if demand.gathered_for().is_some() { 1.0 } else { 0.0 };
-        n_rows * rows + (n_upper * demand.rank_share() + gathered) * upper + 112.0 * n_tiles
+        let gathered = match demand.gathered_for() {
+            None => 0.0,
+            Some(_) if n_upper > 0.0 => upper,
+            Some(_) => rows,
+        };
+        (n_rows * demand.row_share() + n_beside) * rows
+            + n_upper * demand.rank_share() * upper
+            + gathered
+            + 112.0 * n_tiles
+    };
+    // Columns that ranks send one another, once as they come and once apart.
+    let sent = if demand.by_rows && demand.n_ranks > 1 && !on_disk {
+        2.0 * ENTRY_BYTE * ENTRIES_AT_ONCE.max(SIDE * n * density)
+    } else {
+        0.0
     };
     // 64 rows on their way take 24 to 32 bytes an entry more while they are cut into tiles. At least 16 rows a thread wait.
     let in_work = SIDE * n * demand.density.min(1.0);
@@ -362,7 +383,7 @@ fn estimate(demand: &StorageDemand, layout: Layout, precision: Precision, on_dis
     let waiting = threads * in_work * ENTRY_BYTE / 4.0;
     let repaired = if demand.repaired { 56.0 } else { 0.0 };
     let bands = if on_disk { 2.0 * SIDE * n * full } else { 0.0 };
-    let rows_in_work = waiting + in_work * (ENTRY_BYTE + 32.0 + 12.0) + threads * (in_work * repaired + bands);
+    let rows_in_work = sent + waiting + in_work * (ENTRY_BYTE + 32.0 + 12.0) + threads * (in_work * repaired + bands);
     // Polygons ready for use, some 25 vectors of a solver, and the sums of the pieces of a pass.
     let n_pieces = (n / SIDE / 4.0).ceil().min(64.0);
     let vectors = n * (2048.0 + threads * 64.0 + 8.0 * demand.n_channels as f64 * (25.0 + n_pieces));

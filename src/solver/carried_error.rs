@@ -1,7 +1,5 @@
 //! The error of a solution, carried from the form factors' own.
 
-use std::ops::Range;
-
 use super::error::SolverError;
 use super::registry;
 use super::settings::SolverSettings;
@@ -11,8 +9,7 @@ use super::stop::{StopReason, Tolerance};
 use super::system::RadiositySystem;
 use super::vectors::relative_errors_of;
 use crate::matrix::operator::{Block, LinearOperator};
-use crate::matrix::{FormFactors, Precision};
-use crate::threads;
+use crate::matrix::{FormFactors, Precision, RowBlock};
 
 /// An error estimate is wanted to this, relative.
 const TOLERANCE: f64 = 1e-3;
@@ -135,7 +132,7 @@ pub(crate) fn irradiance_error(
     irradiance: &Block,
     references: Option<&Block>,
 ) -> Block {
-    let (n, n_channels) = (radiosity.n_rows(), radiosity.n_channels());
+    let n_channels = radiosity.n_channels();
     let zeros = vec![0.0; n_channels];
     let reference = |i: usize| references.map_or(&zeros[..], |references| references.row(i));
     // So that no square leaves the range of numbers, whatever the unit of light.
@@ -154,11 +151,11 @@ pub(crate) fn irradiance_error(
         Precision::F32 => F32_ROUNDING,
         Precision::F64 => F64_ROUNDING,
     };
-    let blocks = factors.row_blocks();
-    let rows: Vec<Vec<f64>> = threads::map(threads::pay(n * n * n_channels), blocks.len(), |k| {
-        let mut squares = Block::zeros(blocks[k].len(), n_channels);
-        for_each_error(factors, blocks[k].clone(), |i, j, error| {
-            let of_row = squares.row_mut(i - blocks[k].start);
+    let of_blocks: Vec<Vec<f64>> = factors.map_row_blocks(|block| {
+        let rows = &block.rows;
+        let mut squares = Block::zeros(rows.len(), n_channels);
+        for_each_error(factors, block, |i, j, error| {
+            let of_row = squares.row_mut(i - rows.start);
             let light = radiosity.row(j).iter().zip(reference(i)).zip(&greatest);
             for (square, ((b, own), unit)) in of_row.iter_mut().zip(light) {
                 *square += (error * ((b - own) / unit)).powi(2);
@@ -167,13 +164,13 @@ pub(crate) fn irradiance_error(
         let source = |(i, c): (usize, usize)| {
             let shift = (reference(i)[c] / greatest[c]).powi(2);
             let unhit = factors.open_error(i).powi(2) * (mean_squares[c] + shift);
-            let noise = (squares.row(i - blocks[k].start)[c] + unhit).sqrt() * greatest[c];
+            let noise = (squares.row(i - rows.start)[c] + unhit).sqrt() * greatest[c];
             noise + rounding * irradiance.row(i)[c].abs()
         };
-        let places = blocks[k].clone().flat_map(|i| (0..n_channels).map(move |c| (i, c)));
+        let places = rows.clone().flat_map(|i| (0..n_channels).map(move |c| (i, c)));
         places.map(source).collect()
     });
-    Block::from_values(factors.gathered(rows.concat()), n_channels)
+    Block::from_values(factors.gathered(of_blocks.concat()), n_channels)
 }
 
 /// Returns the light that the sources of a system make of it, which is not negative; infinite where it cannot be solved.
@@ -229,16 +226,16 @@ fn shares_of_next_order(
 const NEGLIGIBLE: f64 = 1e-3;
 
 /// Calls `visit(i, j, s_ij)` for the errors of all entries in some rows.
-fn for_each_error(factors: &FormFactors, rows: Range<usize>, mut visit: impl FnMut(usize, usize, f64)) {
+fn for_each_error(factors: &FormFactors, block: &RowBlock<'_>, mut visit: impl FnMut(usize, usize, f64)) {
     let has_rays = |i: usize| factors.tallies()[i].n_rays > 0;
-    if factors.is_symmetric() || !rows.clone().any(has_rays) {
-        for i in rows {
+    if factors.is_symmetric() || !block.rows.clone().any(has_rays) {
+        for i in block.rows.clone() {
             factors.for_each_in_row(i, |j, _, error| visit(i, j, error));
         }
         return;
     }
     let areas = factors.areas();
-    factors.for_each_pair(rows, 0, |i, j, pair| {
+    block.for_each_pair(0, |i, j, pair| {
         let (value, error) = pair.there;
         let is_missed = value <= 0.0 && pair.back.0 > 0.0;
         let missed = || factors.tallies()[i].noise_of_missed(areas[j] / areas[i] * pair.back.0);

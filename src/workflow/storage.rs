@@ -196,19 +196,23 @@ pub fn choose_storage(cx: &Context, model: &mut Model, matrix: MatrixDemand) -> 
     model.plan.decide("form factors", choice, reason);
     if cx.ranks.size() > 1 {
         let rest_byte = memory.total_byte() - memory.matrix_byte;
-        let parts = if chosen.plan.on_disk {
-            "each has all form factors in a scratch file of its own, and"
-        } else if demand.by_rows {
-            "each stores all rows, and the tiles of exchange areas that its own need;"
-        } else if demand.rows_for.is_some() {
-            "each stores the tiles that its rows need, and gathers all for the solver;"
-        } else {
-            "each stores the tiles that its rows need;"
+        let (on_disk, gathers) = (chosen.plan.on_disk, demand.rows_for.is_some());
+        let parts = match (demand.by_rows, gathers) {
+            _ if on_disk => "each has all form factors in a scratch file of its own, and",
+            (true, false) => "each stores its rows;",
+            (true, true) => "each stores its rows, and gathers all for the solver;",
+            (false, false) => "each stores the tiles that its rows need;",
+            (false, true) => "each stores the tiles that its rows need, and gathers all for the solver;",
+        };
+        let (share, of) = match demand.by_rows {
+            _ if on_disk => (1.0, "form factors"),
+            true => (demand.row_share(), "the rows"),
+            false => (demand.rank_share(), "exchange areas"),
         };
         let why = format!(
-            "work is shared; {parts} {} of form factors on each, {:.0} % of exchange areas; whole on each are scene, trees and vectors: {}",
+            "work is shared; {parts} {} of form factors on each, {:.0} % of {of}; whole on each are scene, trees and vectors: {}",
             byte_text(memory.matrix_byte),
-            100.0 * if chosen.plan.on_disk { 1.0 } else { demand.rank_share() },
+            100.0 * share,
             byte_text(rest_byte)
         );
         model.plan.revise("ranks", cx.ranks.size().to_string(), why);

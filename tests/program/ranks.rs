@@ -67,11 +67,10 @@ fn form_factors_are_the_same_bytes_on_any_number_of_ranks() {
         let exact = ["--tolerance", "1e-4", "-o", "F.npz"];
         expect_equal(at, &[&cut[..], &exact].concat(), &["F.npz"]);
         for method in ["sr", "qmc"] {
-            expect_equal(
-                at,
-                &[&cut[..], &["--method", method, "-o", "F.npz"]].concat(),
-                &["F.npz"],
-            );
+            for balance in ["off", "on"] {
+                let settings = ["--method", method, "--balance", balance, "-o", "F.npz"];
+                expect_equal(at, &[&cut[..], &settings].concat(), &["F.npz"]);
+            }
         }
     }
     // Batches of `exact` that end within a row of a grid.
@@ -150,6 +149,26 @@ fn light_and_pictures_are_the_same_bytes_on_any_number_of_ranks() {
         "B.csv",
     ];
     for solver in ["auto", "gauss-seidel", "multigrid", "direct", "pcg", "gmres"] {
+        expect_equal(at, &[&solve[..], &["--solver", solver]].concat(), &["B.csv"]);
+    }
+    // Rows in parts: pooled, averaged with their reverse ones, and as they are.
+    for (method, solver) in [
+        ("sr", "auto"),
+        ("sr", "sor"),
+        ("qmc", "gmres"),
+        ("gauss-lambert", "pcg"),
+        ("pdm", "jacobi"),
+    ] {
+        let solve = [
+            "solve",
+            "scene.obj",
+            "--subdivide",
+            "5",
+            "-o",
+            "B.csv",
+            "--method",
+            method,
+        ];
         expect_equal(at, &[&solve[..], &["--solver", solver]].concat(), &["B.csv"]);
     }
     let render = [

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::matrix::backend::Backend;
@@ -9,10 +10,11 @@ use crate::matrix::bounds::Open;
 use crate::matrix::checks::RowTargets;
 use crate::matrix::error::MatrixError;
 use crate::matrix::form_factors::FormFactors;
+use crate::matrix::kernel::sizes::SIDE;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::matrix::symmetric;
 use crate::matrix::tile::{RowTally, RowTile, index};
-use crate::matrix::transpose::Pair;
+use crate::matrix::transpose::{Pair, RowBlock};
 
 /// How much each of the two estimates of an exchange area, A_i F_ij and A_j F_ji, counts in their mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -85,9 +87,10 @@ impl FormFactors {
         let rays = self.tallies.iter().map(RowTally::effective_rays);
         let ray_weights = rays.zip(&self.areas).map(|(n, area)| n.map(|n| n / (area / area_max)));
         let ray_weights: Vec<Option<f64>> = ray_weights.collect();
-        let upper = |rows: std::ops::Range<usize>, columns: std::ops::Range<usize>| {
+        let upper = |block: &RowBlock<'_>, columns: std::ops::Range<usize>| {
+            let rows = block.rows.clone();
             let mut lists = vec![Vec::new(); rows.len()];
-            self.for_each_pair(rows.clone(), columns.start, |i, j, pair| {
+            block.for_each_pair(columns.start, |i, j, pair| {
                 if j >= i && j < columns.end {
                     let weights = match (weighting, ray_weights[i].zip(ray_weights[j])) {
                         (Weighting::Plain, _) => Weights::Equal,
@@ -104,7 +107,22 @@ impl FormFactors {
             }
             tile
         };
-        let exchange = symmetric::from_blocks(&self.areas, self.storage(), upper)?;
+        let exchange = if self.needs_columns() {
+            symmetric::from_parts(&self.areas, self.storage(), |add| {
+                let mut added = Ok(());
+                self.for_each_round(SIDE, |blocks| {
+                    let tiles = blocks
+                        .par_iter()
+                        .map(|block| upper(block, block.rows.start..self.n_rows()));
+                    let came = self.sent_by_all(&tiles.collect::<Vec<_>>());
+                    added = std::mem::replace(&mut added, Ok(())).and_then(|()| add(came));
+                });
+                added
+            })?
+        } else {
+            let upper = |rows, columns| upper(&self.row_block(rows), columns);
+            symmetric::from_blocks(&self.areas, self.storage(), upper)?
+        };
         Ok(self.if_readable(self.with_exchange(exchange))?)
     }
 

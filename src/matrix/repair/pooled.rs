@@ -1,14 +1,12 @@
 //! The repair of rows of low-discrepancy rays: what the other patch's rays say, without giving up what rows know of themselves.
 
-use std::ops::Range;
-
 use rayon::prelude::*;
 
 use crate::matrix::bounds::Open;
 use crate::matrix::error::MatrixError;
 use crate::matrix::form_factors::FormFactors;
 use crate::matrix::tile::{Entry, RowTile, index};
-use crate::matrix::transpose::Pair;
+use crate::matrix::transpose::{Pair, RowBlock};
 
 /// The variance of a row's own entries against that of independent rays, as far as it matters to Σ_j F_ij B_j.
 ///
@@ -37,21 +35,29 @@ impl FormFactors {
         if self.is_symmetric() {
             return Ok(self.clone());
         }
-        let blocks = self.row_blocks();
-        let n_at_once = (AT_ONCE / blocks[0].len()).max(rayon::current_num_threads());
-        let tiles = blocks.chunks(n_at_once).flat_map(|some| {
-            let tiles = some.par_iter().map(|rows| self.pooled_rows(rows.clone()));
-            tiles.collect::<Vec<_>>()
-        });
-        let mut pooled = Self::from_tiles(self.areas.clone(), tiles, self.storage())?;
+        let mut pooled = if self.needs_columns() {
+            let tiles = self.map_row_blocks(|block| self.pooled_rows(block));
+            Self::from_own_tiles(self.areas.clone(), self.tallies.clone(), tiles, self.storage())?
+        } else {
+            let blocks: Vec<_> = self.all_row_blocks();
+            let n_at_once = (AT_ONCE / blocks[0].len()).max(rayon::current_num_threads());
+            let tiles = blocks.chunks(n_at_once).flat_map(|some| {
+                let tiles = some
+                    .par_iter()
+                    .map(|rows| self.pooled_rows(&self.row_block(rows.clone())));
+                tiles.collect::<Vec<_>>()
+            });
+            Self::from_tiles(self.areas.clone(), tiles, self.storage())?
+        };
         pooled.open = self.open.as_ref().map(Open::pooled);
         Ok(self.if_readable(pooled)?)
     }
 
-    fn pooled_rows(&self, rows: Range<usize>) -> RowTile {
+    fn pooled_rows(&self, block: &RowBlock<'_>) -> RowTile {
+        let rows = block.rows.clone();
         let mut lists: Vec<Vec<Pooled>> = vec![Vec::new(); rows.len()];
         let mut sums = vec![0.0; rows.len()];
-        self.for_each_pair(rows.clone(), 0, |i, j, pair| {
+        block.for_each_pair(0, |i, j, pair| {
             lists[i - rows.start].push(self.pooled_entry((i, j), &pair));
             sums[i - rows.start] += pair.there.0;
         });

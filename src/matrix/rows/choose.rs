@@ -6,7 +6,7 @@ use super::blocks::{BlockTile, count_blocks};
 use super::dense::DenseTile;
 use super::sparse::SparseTile;
 use super::store::Store;
-use crate::matrix::choice::{Layout, Precision, StorageChoice};
+use crate::matrix::choice::{Layout, Precision};
 use crate::matrix::error::MatrixError;
 use crate::matrix::kernel::scalar::Scalar;
 use crate::matrix::tile::RowTile;
@@ -15,15 +15,15 @@ use crate::matrix::tile::RowTile;
 /// channels 1.45 and 1.3; with five 0.7 to 0.85 and 1.0, and 1.0 and 1.0 (f32, AVX-512; `cargo bench --bench matrix -- "sparse f32 rows" 1/4`, with 1536 for a cache).
 const BLOCKS_FROM: usize = 6;
 
-/// Stores a tile of an n by n matrix as `choice` says.
+/// Stores a tile of an n by n matrix in a layout and a precision.
 pub(in crate::matrix) fn store(
     tile: &RowTile,
     n: usize,
-    choice: StorageChoice<'_>,
+    (layout, precision): (Layout, Precision),
 ) -> Result<Arc<dyn Store>, MatrixError> {
-    match choice.precision {
-        Precision::F64 => store_as::<f64>(tile, n, choice.layout),
-        Precision::F32 => store_as::<f32>(tile, n, choice.layout),
+    match precision {
+        Precision::F64 => store_as::<f64>(tile, n, layout),
+        Precision::F32 => store_as::<f32>(tile, n, layout),
     }
 }
 

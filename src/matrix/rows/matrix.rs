@@ -1,57 +1,126 @@
-//! A matrix in tiles of rows, in memory.
+//! A matrix in tiles of rows, in memory; several ranks keep a part each.
 
 use std::ops::Range;
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use super::choose::store;
 use super::store::Store;
 use crate::matrix::backend::{Backend, share_of};
-use crate::matrix::choice::StorageChoice;
+use crate::matrix::choice::{Layout, Precision, StorageChoice};
 use crate::matrix::error::MatrixError;
 use crate::matrix::kernel::planes::Planes;
 use crate::matrix::operator::Block;
 use crate::matrix::tile::RowTile;
+use crate::matrix::together::{blocks_of, decode, encode, rows_of, stored_rows, sums_of_ranks};
+use crate::ranks::Ranks;
 use crate::threads;
 
 /// Rows of y that one thread computes at a time: enough to hide the start of a task.
 const ROWS_PER_TASK: usize = 16;
 
-/// F_ij, by rows.
-#[derive(Debug, Default)]
+/// F_ij, by rows: all of them, or those of this rank.
+#[derive(Debug)]
 pub(in crate::matrix) struct Rows {
+    n: usize,
+    layout: Layout,
+    precision: Precision,
     tiles: Vec<Arc<dyn Store>>,
-    /// The first row of each tile, ascending.
-    first_rows: Vec<usize>,
+    /// The first row of each tile, ascending, and the end of the last.
+    firsts: Vec<usize>,
+    end: usize,
+    part: Option<Part>,
+}
+
+/// The part of a rank: the tiles in which any of its rows lie.
+#[derive(Debug)]
+struct Part {
+    own: Range<usize>,
+    ranks: Arc<dyn Ranks>,
+    /// The bytes that a pass reads, the numbers that are not zero, and the bytes of all ranks together.
+    of_all: [usize; 3],
 }
 
 impl Rows {
-    /// Adds the next rows of an n by n matrix.
-    pub(in crate::matrix) fn push(
-        &mut self,
-        tile: &RowTile,
-        n: usize,
-        choice: StorageChoice<'_>,
-    ) -> Result<(), MatrixError> {
-        self.tiles.push(store(tile, n, choice)?);
-        self.first_rows.push(tile.first_row());
+    /// Returns an n by n matrix that has no rows yet; of those that are [pushed](Self::push), each of several ranks keeps its own.
+    pub(in crate::matrix) fn new(n: usize, choice: StorageChoice<'_>) -> Self {
+        Self {
+            n,
+            layout: choice.layout,
+            precision: choice.precision,
+            tiles: Vec::new(),
+            firsts: Vec::new(),
+            end: 0,
+            part: choice.ranks.map(|among| Part {
+                own: rows_of(n, &blocks_of(n, among.0.rank(), among.0.size())),
+                ranks: Arc::clone(among.0),
+                of_all: [0; 3],
+            }),
+        }
+    }
+
+    /// Adds the next rows.
+    pub(in crate::matrix) fn push(&mut self, tile: &RowTile) -> Result<(), MatrixError> {
+        let rows = tile.first_row()..tile.first_row() + tile.n_rows();
+        let is_kept = |part: &Part| rows.start < part.own.end && part.own.start < rows.end;
+        if self.part.as_ref().is_none_or(is_kept) {
+            self.tiles.push(store(tile, self.n, (self.layout, self.precision))?);
+            self.firsts.push(rows.start);
+            self.end = rows.end;
+        }
         Ok(())
     }
 
-    /// Returns the tile of row i, and the number of the row in it.
-    #[track_caller]
-    fn locate(&self, i: usize) -> (&dyn Store, usize) {
-        let tile = self.first_rows.partition_point(|&first| first <= i) - 1;
-        (&*self.tiles[tile], i - self.first_rows[tile])
+    /// Ends it after the last row. Collective where ranks keep parts.
+    pub(in crate::matrix) fn finish(mut self) -> Arc<dyn Backend> {
+        let counts = self
+            .begun_here()
+            .map(|k| &self.tiles[k])
+            .fold([0; 3], |sum: [usize; 3], tile| {
+                [
+                    sum[0] + tile.pass_byte(),
+                    sum[1] + tile.n_nonzero(),
+                    sum[2] + tile.stored_byte(),
+                ]
+            });
+        if let Some(part) = &mut self.part {
+            part.of_all = sums_of_ranks(&*part.ranks, counts);
+        }
+        Arc::new(self)
     }
-}
 
-impl Rows {
+    /// Returns the tiles whose first row is this rank's: each tile is in one rank's.
+    fn begun_here(&self) -> Range<usize> {
+        let own = self.own();
+        let place = |row: usize| self.firsts.partition_point(|&first| first < row);
+        place(own.start)..place(own.end)
+    }
+
+    /// Returns the rows whose products are computed here.
+    fn own(&self) -> Range<usize> {
+        self.part.as_ref().map_or(0..self.n, |part| part.own.clone())
+    }
+
+    /// Returns the tile of row i, and the number of the row in it, if it is kept here.
+    fn locate(&self, i: usize) -> Option<(&dyn Store, usize)> {
+        let tile = self.firsts.partition_point(|&first| first <= i).checked_sub(1)?;
+        (i < self.end).then(|| (&*self.tiles[tile], i - self.firsts[tile]))
+    }
+
+    /// As [`locate`](Self::locate), of a row that is kept here.
+    #[track_caller]
+    fn located(&self, i: usize) -> (&dyn Store, usize) {
+        self.locate(i).expect("a row that is stored here")
+    }
+
     /// Returns the rows of each task of a pass, with the number of their tile.
-    fn tasks(&self, n_rows: usize) -> Vec<(usize, Range<usize>)> {
-        let mut tasks = Vec::with_capacity(n_rows / ROWS_PER_TASK + self.tiles.len());
-        for (k, &first) in self.first_rows.iter().enumerate() {
-            let end = self.first_rows.get(k + 1).copied().unwrap_or(n_rows);
-            let starts = (first..end).step_by(ROWS_PER_TASK);
+    fn tasks(&self) -> Vec<(usize, Range<usize>)> {
+        let own = self.own();
+        let mut tasks = Vec::with_capacity(own.len() / ROWS_PER_TASK + self.tiles.len());
+        for (k, &first) in self.firsts.iter().enumerate() {
+            let end = self.firsts.get(k + 1).copied().unwrap_or(self.end).min(own.end);
+            let starts = (first.max(own.start)..end).step_by(ROWS_PER_TASK);
             tasks.extend(starts.map(|begin| (k, begin..end.min(begin + ROWS_PER_TASK))));
         }
         tasks
@@ -65,7 +134,7 @@ impl Rows {
         for (k, rows) in tasks {
             let (sums, after) = rest.split_at_mut(rows.len() * x.n_channels());
             rest = after;
-            with_sums.push((&self.tiles[*k], rows.start - self.first_rows[*k], rows.start, sums));
+            with_sums.push((&self.tiles[*k], rows.start - self.firsts[*k], rows.start, sums));
         }
         let n_terms = x.n_channels() * self.tiles.iter().map(|tile| tile.n_stored()).sum::<usize>();
         let pay = threads::pay_for_pass(n_terms, self.pass_byte());
@@ -77,16 +146,23 @@ impl Rows {
 
 impl Backend for Rows {
     fn for_each(&self, i: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
-        let (tile, row) = self.locate(i);
-        tile.for_each(row, columns, visit);
+        if let Some((tile, row)) = self.locate(i) {
+            tile.for_each(row, columns, visit);
+        }
     }
 
     fn apply(&self, x: &Block, y: &mut Block) {
-        self.apply_tasks(&self.tasks(x.n_rows()), x, y.values_mut());
+        let (own, n_channels) = (self.own(), y.n_channels());
+        let own = own.start * n_channels..own.end * n_channels;
+        self.apply_tasks(&self.tasks(), x, &mut y.values_mut()[own.clone()]);
+        if let Some(part) = &self.part {
+            let all = part.ranks.all_gather_numbers(&y.values()[own]);
+            y.values_mut().copy_from_slice(&all);
+        }
     }
 
     fn share_of_pass(&self, x: &Block, rank: usize, n_ranks: usize) -> Vec<f64> {
-        let tasks = self.tasks(x.n_rows());
+        let tasks = self.tasks();
         let own = &tasks[share_of(tasks.len(), rank, n_ranks)];
         let mut sums = vec![0.0; own.iter().map(|(_, rows)| rows.len()).sum::<usize>() * x.n_channels()];
         self.apply_tasks(own, x, &mut sums);
@@ -98,24 +174,61 @@ impl Backend for Rows {
     }
 
     fn pass_byte(&self) -> usize {
-        self.tiles.iter().map(|tile| tile.pass_byte()).sum()
+        let own = || self.tiles.iter().map(|tile| tile.pass_byte()).sum();
+        self.part.as_ref().map_or_else(own, |part| part.of_all[0])
     }
 
     fn dot_off_diagonal(&self, i: usize, x: &Block, sum: &mut [f64]) -> f64 {
-        let (tile, row) = self.locate(i);
+        let (tile, row) = self.located(i);
         tile.dot_off_diagonal(row, i, x, sum)
     }
 
     fn add_row(&self, i: usize, factor: f64, sum: &mut [f64]) -> usize {
-        let (tile, row) = self.locate(i);
+        let (tile, row) = self.located(i);
         tile.add_row(row, factor, sum)
     }
 
     fn n_nonzero(&self) -> usize {
-        self.tiles.iter().map(|tile| tile.n_nonzero()).sum()
+        let own = || self.tiles.iter().map(|tile| tile.n_nonzero()).sum();
+        self.part.as_ref().map_or_else(own, |part| part.of_all[1])
     }
 
     fn stored_byte(&self) -> usize {
-        self.tiles.iter().map(|tile| tile.stored_byte()).sum()
+        let own = || self.tiles.iter().map(|tile| tile.stored_byte()).sum();
+        self.part.as_ref().map_or_else(own, |part| part.of_all[2])
+    }
+
+    fn held_rows(&self) -> Option<Range<usize>> {
+        self.part.as_ref().map(|part| part.own.clone())
+    }
+
+    fn whole(&self) -> Option<Arc<dyn Backend>> {
+        let part = self.part.as_ref()?;
+        let mut begun = self.begun_here();
+        let n_rounds = part.ranks.all_gather_numbers(&[begun.len() as f64]);
+        let mut rounds = n_rounds.into_iter().fold(0.0, f64::max);
+        let mut tiles: Vec<(usize, usize, Arc<dyn Store>)> = Vec::new();
+        while rounds > 0.0 {
+            rounds -= 1.0;
+            let sent = begun.next().map(|k| {
+                let end = self.firsts.get(k + 1).copied().unwrap_or(self.end);
+                encode(&stored_rows(self, self.firsts[k]..end, |_| 0..self.n))
+            });
+            let came = part.ranks.all_gather(&sent.unwrap_or_default());
+            tiles.par_extend(came.par_iter().filter_map(|bytes| {
+                let tile = decode(bytes)?;
+                let stored = store(&tile, self.n, (self.layout, self.precision));
+                let stored = stored.expect("what was stored is stored again");
+                Some((tile.first_row(), tile.first_row() + tile.n_rows(), stored))
+            }));
+        }
+        tiles.sort_unstable_by_key(|tile| tile.0);
+        Some(Arc::new(Self {
+            firsts: tiles.iter().map(|tile| tile.0).collect(),
+            end: tiles.last().map_or(0, |tile| tile.1),
+            tiles: tiles.into_iter().map(|tile| tile.2).collect(),
+            part: None,
+            ..*self
+        }))
     }
 }

@@ -3,6 +3,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use super::tiles::{Stored, Tiles};
 use crate::in_order::{InOrder, by_turns};
 use crate::matrix::backend::Backend;
@@ -74,6 +76,41 @@ pub(in crate::matrix) fn from_rows<E: From<MatrixError> + Send>(
         Precision::F32 => build::<f32, E>(areas, choice, upper),
     }
 }
+
+/// Stores the s_ij = A_i F_ij / max A between patches of these areas, whose entries on and above the diagonal `give` adds for each of [`block_rows`], in any order.
+pub(in crate::matrix) fn from_parts(
+    areas: &[f64],
+    choice: StorageChoice<'_>,
+    give: impl FnOnce(&mut Add<'_>) -> Result<(), MatrixError>,
+) -> Result<Arc<dyn Backend>, MatrixError> {
+    fn build<T: Scalar>(
+        areas: &[f64],
+        choice: StorageChoice<'_>,
+        give: impl FnOnce(&mut Add<'_>) -> Result<(), MatrixError>,
+    ) -> Result<Arc<dyn Backend>, MatrixError> {
+        let n = areas.len();
+        let part = Stored::new(n, choice);
+        let mut rows: Vec<_> = block_rows(n).map(|_| Vec::new()).collect();
+        give(&mut |tiles| {
+            let stored = tiles.par_iter().map(|tile| {
+                let k = tile.first_row() / SIDE;
+                Ok((k, row_of_tiles::<T>(tile, n, choice.layout, part.columns(k))?))
+            });
+            for (k, squares) in stored.collect::<Result<Vec<_>, MatrixError>>()? {
+                rows[k] = squares;
+            }
+            Ok(())
+        })?;
+        Tiles::<T>::of_rows(areas, choice, part, rows.into_iter().map(Ok))
+    }
+    match choice.precision {
+        Precision::F64 => build::<f64>(areas, choice, give),
+        Precision::F32 => build::<f32>(areas, choice, give),
+    }
+}
+
+/// Takes the rows of some blocks.
+pub(in crate::matrix) type Add<'a> = dyn FnMut(Vec<RowTile>) -> Result<(), MatrixError> + 'a;
 
 /// Cuts rows of the upper triangle into the tiles of some blocks of `columns`; the one on the diagonal gets its lower half.
 pub(in crate::matrix) fn row_of_tiles<T: Scalar>(

@@ -6,5 +6,5 @@ mod tiles;
 
 #[cfg(all(test, unix))]
 pub(super) use build::row_of_tiles;
-pub(super) use build::{from_blocks, from_rows};
+pub(super) use build::{from_blocks, from_parts, from_rows};
 pub(super) use tiles::row_factors;

@@ -19,7 +19,7 @@ use crate::matrix::kernel::scalar::Scalar;
 use crate::matrix::kernel::sizes::{SIDE, block_rows, for_each_block};
 use crate::matrix::operator::Block;
 use crate::matrix::square::Square;
-use crate::matrix::together::{blocks_of, decode, encode, rows_of, stored_rows};
+use crate::matrix::together::{blocks_of, decode, encode, rows_of, stored_rows, sums_of_ranks};
 use crate::ranks::Ranks;
 use crate::threads;
 
@@ -153,15 +153,7 @@ impl<T: Scalar> Tiles<T> {
             tiles.pass_byte = counts[0];
             return Ok(tiles);
         };
-        let of_ranks = ranks.all_gather(counts.map(|count| (count as u64).to_le_bytes()).as_flattened());
-        let of_rank = of_ranks.iter().map(|bytes| bytes.as_chunks().0);
-        let [pass, n_nonzero, byte] = of_rank.fold([0; 3], |mut sums: [u64; 3], own| {
-            sums.iter_mut()
-                .zip(own)
-                .for_each(|(sum, count)| *sum += u64::from_le_bytes(*count));
-            sums
-        });
-        let [pass, n_nonzero, byte] = [pass, n_nonzero, byte].map(|count| usize::try_from(count).unwrap_or(usize::MAX));
+        let [pass, n_nonzero, byte] = sums_of_ranks(&**ranks, counts);
         tiles.pass_byte = pass;
         tiles.of_all = Some([n_nonzero, byte]);
         Ok(tiles)
@@ -408,10 +400,10 @@ impl<T: Scalar> Backend for Tiles<T> {
             let came = ranks.all_gather(&sent.unwrap_or_default());
             let made: Vec<_> = came
                 .par_iter()
-                .enumerate()
-                .filter_map(|(rank, bytes)| {
-                    let k = block(of_rank(rank))?;
-                    let tiles = row_of_tiles::<T>(&decode(k * SIDE, bytes), self.n, all.layout, all.columns(k));
+                .filter_map(|bytes| {
+                    let tile = decode(bytes)?;
+                    let k = tile.first_row() / SIDE;
+                    let tiles = row_of_tiles::<T>(&tile, self.n, all.layout, all.columns(k));
                     Some((k, tiles.expect("what was stored is stored again")))
                 })
                 .collect();

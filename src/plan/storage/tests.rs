@@ -49,6 +49,21 @@ fn ranks_store_parts_unless_the_solver_goes_by_rows() {
         );
         assert!(matrix(n_ranks, Some("sor")) > alone * (0.99 + share));
     }
+    let rows = |n_ranks| {
+        let by_rows = StorageDemand {
+            n_ranks,
+            by_rows: true,
+            ..demand()
+        };
+        let plan = plan_storage(&by_rows, StorageWish::default()).unwrap();
+        (plan.memory.matrix_byte as f64, plan.memory.rows_byte)
+    };
+    for n_ranks in [2, 3, 4, 8] {
+        let share = rows(n_ranks).0 / rows(1).0;
+        let least = 1.0 / n_ranks as f64;
+        assert!(share >= least && share <= 1.03 * least + 0.01, "{n_ranks}: {share}");
+        assert!(rows(n_ranks).1 > rows(1).1);
+    }
     let tight = StorageDemand {
         n_ranks: 4,
         limit_byte: 2 * GIB,
