@@ -100,3 +100,9 @@ def test_a_file_name_may_be_bytes(tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", rd.RadiosityWarning)
         assert rd.Model.read(bytes(tmp_path / "cube.obj")).n_patches == 1  # type: ignore[arg-type]
+
+
+def test_light_beyond_the_range_of_numbers_is_refused() -> None:
+    for brightest in (1.7e308, 2e300):
+        with pytest.raises(rd.SolverError, match="range of numbers"):
+            cube().solve(exitance=np.array([0.0, brightest, 0.0, 0.0, 0.0, 0.0]))

@@ -70,7 +70,7 @@ pub struct StorageChoice<'a> {
 
 /// The ranks that work on a matrix together.
 ///
-/// Each works on a range of rows. Of exchange areas in memory a rank stores the tiles that its rows need, at most 2 / K of those of one process on K ranks; rows, and what is on a disk, each rank stores whole.
+/// Each works on a range of rows. In memory a rank stores the rows that are its own or, of exchange areas, the tiles that these need, at most 2 / K of those of one process on K ranks; what is on a disk each rank stores whole.
 /// Functions that read the whole matrix are then collective: each rank calls them in the same order.
 #[derive(Clone, Copy, Debug)]
 pub struct Among<'a>(pub &'a Arc<dyn Ranks>);

@@ -1,7 +1,7 @@
 //! Several processes that do one piece of work together: the ranks of an MPI program.
 //!
 //! All ranks run the same command on the same input, each with its own threads. Work that is worth it is cut into chunks, which ranks take as they finish others
-//! ([`Ranks::claim`]), and every rank receives the results of all chunks in their order. So each rank goes through the same numbers at every step, and these are the numbers of a single rank; of exchange areas it stores [a part](crate::matrix::Among). Rank 0
+//! ([`Ranks::claim`]), and every rank receives the results of all chunks in their order. So each rank goes through the same numbers at every step, and these are the numbers of a single rank; of form factors in memory it stores [a part](crate::matrix::Among). Rank 0
 //! alone prints and writes files.
 //!
 //! [`Alone`] is the single rank of an ordinary run. With the feature `mpi`, [`start`] returns the ranks that `mpirun` started.

@@ -34,6 +34,7 @@ pub(crate) mod toml_file;
 mod warning;
 mod written;
 
+pub(crate) use bright::too_bright_patch;
 pub use bright::{MAX_EXITANCE, MIN_EXITANCE};
 pub use builder::{Added, SceneBuilder};
 pub use camera::{Camera, IMAGE_SIDES};

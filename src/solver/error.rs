@@ -50,6 +50,20 @@ pub enum SolverError {
         /// Its E, W·m⁻².
         exitance: f64,
     },
+    /// Light that may leave the range of numbers.
+    #[error(
+        "patch {patch} has the exitance {exitance:e} W/m2 in channel {channel}; above {limit:e} the light of all patches may leave the range of numbers"
+    )]
+    TooBright {
+        /// The brightest patch.
+        patch: usize,
+        /// The channel.
+        channel: usize,
+        /// Its E, W·m⁻².
+        exitance: f64,
+        /// The greatest that is possible, W·m⁻².
+        limit: f64,
+    },
     /// Light enters an enclosure that neither absorbs it nor lets it out.
     #[error(
         "no finite solution in channel {channel}: the {n_patches} patches that exchange light with patch {patch} (component {component}) emit, \

@@ -15,7 +15,7 @@ use crate::mesh::{Hierarchy, Mesh};
 use crate::plan::Plan;
 use crate::progress::Progress;
 use crate::report::solution::SolutionReport;
-use crate::scene::{Scene, SurfaceId};
+use crate::scene::{Scene, SurfaceId, too_bright_patch};
 use crate::solver::registry::{self, SolverEntry, Symmetry};
 use crate::solver::{
     self, DISPLAY_AMBIENT, RadiositySystem, SharedPasses, Solution, SolveOptions, SolverError, SolverSettings, Start,
@@ -196,6 +196,15 @@ impl Model {
         cx: &mut Context,
     ) -> Result<SolutionStudy, WorkflowError> {
         let areas = study.factors.areas().to_vec();
+        let too_bright = too_bright_patch(&areas, reflectance.values(), exitance.values());
+        if let Some((patch, channel, brightest, limit)) = too_bright {
+            return Err(WorkflowError::Solver(SolverError::TooBright {
+                patch,
+                channel,
+                exitance: brightest,
+                limit,
+            }));
+        }
         let system = (&study.factors as &dyn LinearOperator, areas);
         let materials = (reflectance.clone(), exitance.clone());
         let solution = self.solve_system(system, request, materials, study.known(), cx)?;
