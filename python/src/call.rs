@@ -110,6 +110,39 @@ impl Call {
         py: Python<'_>,
         work: impl FnOnce(&mut Context) -> Result<T, WorkflowError> + Send,
     ) -> PyResult<Done<T>> {
+        let (shared, progress, body) = self.prepared(work);
+        let (ended, interrupted) = py.detach(|| watched(body, &shared, progress.as_ref()))?;
+        let Some(error) = interrupted else {
+            return ended.done(py);
+        };
+        // One error is enough.
+        let _ = ended.warn(py);
+        Err(error)
+    }
+
+    /// As [`run`](Self::run), but does not wait for work that is interrupted: it ends by itself where it next looks for that, and its result is dropped.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run).
+    pub(crate) fn run_apart<T: Send + 'static>(
+        self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut Context) -> Result<T, WorkflowError> + Send + 'static,
+    ) -> PyResult<Done<T>> {
+        let (shared, progress, body) = self.prepared(work);
+        let ended = py.detach(|| watched_apart(body, &shared, progress.as_ref()))?;
+        ended.done(py)
+    }
+
+    /// Returns the body of a worker, with what it shares with the calling thread.
+    fn prepared<T: Send, W: FnOnce(&mut Context) -> Result<T, WorkflowError> + Send>(
+        self,
+        work: W,
+    ) -> (
+        Arc<Shared>,
+        Option<Py<PyAny>>,
+        impl FnOnce() -> Ended<T> + Send + use<T, W>,
+    ) {
         let Self {
             progress,
             memory,
@@ -140,20 +173,31 @@ impl Call {
             Some(pool) => pool.install(study),
             None => study(),
         };
-        let (ended, interrupted) = py.detach(|| watched(body, &shared, progress.as_ref()))?;
-        let warnings: Vec<String> = ended.warnings.iter().map(ToString::to_string).collect();
-        let told = warnings.iter().try_for_each(|text| warn(py, text));
-        if let Some(error) = interrupted {
-            return Err(error);
-        }
-        let value = ended.result.map_err(|error| raised(py, &error))?;
+        (shared, progress, body)
+    }
+}
+
+impl<T> Ended<T> {
+    /// Gives the warnings to Python's `warnings`.
+    fn warn(&self, py: Python<'_>) -> PyResult<()> {
+        self.warnings.iter().try_for_each(|text| warn(py, &text.to_string()))
+    }
+
+    /// Returns the result, or raises its error.
+    fn done(self, py: Python<'_>) -> PyResult<Done<T>> {
+        let told = self.warn(py);
+        let value = self.result.map_err(|error| raised(py, &error))?;
         told?;
         Ok(Done {
             value,
-            warnings,
-            settings: ended.settings,
+            warnings: self.warnings.iter().map(ToString::to_string).collect(),
+            settings: self.settings,
         })
     }
+}
+
+fn named() -> std::thread::Builder {
+    std::thread::Builder::new().name("radiosity".into()).stack_size(STACK)
 }
 
 /// Runs a body on a thread of its own, while this one looks for signals; returns what either of them ended with.
@@ -164,22 +208,16 @@ fn watched<T: Send>(
 ) -> PyResult<(T, Option<PyErr>)> {
     std::thread::scope(|scope| {
         let (ends, is_ended) = channel::<()>();
-        let worker = std::thread::Builder::new()
-            .name("radiosity".into())
-            .stack_size(STACK)
-            .spawn_scoped(scope, move || {
-                // Dropped when the body ends, also by a panic.
-                let _ends = ends;
-                body()
-            })?;
+        let worker = named().spawn_scoped(scope, move || {
+            // Dropped when the body ends, also by a panic.
+            let _ends = ends;
+            body()
+        })?;
         let mut interrupted = None;
         let mut told = None;
         while is_ended.recv_timeout(BEAT) == Err(RecvTimeoutError::Timeout) {
-            if interrupted.is_none()
-                && let Err(error) = Python::attach(|py| heard(py, shared, progress, &mut told))
-            {
-                shared.is_cancelled.store(true, Ordering::Relaxed);
-                interrupted = Some(error);
+            if interrupted.is_none() {
+                interrupted = listened(shared, progress, &mut told).err();
             }
         }
         match worker.join() {
@@ -187,6 +225,39 @@ fn watched<T: Send>(
             Err(panic) => std::panic::resume_unwind(panic),
         }
     })
+}
+
+/// As [`watched`], but leaves the thread to itself where it is interrupted.
+fn watched_apart<T: Send + 'static>(
+    body: impl FnOnce() -> T + Send + 'static,
+    shared: &Shared,
+    progress: Option<&Py<PyAny>>,
+) -> PyResult<T> {
+    let (sends, receives) = channel();
+    let worker = named().spawn(move || {
+        // Nobody receives it after an interruption.
+        let _ = sends.send(body());
+    })?;
+    let mut told = None;
+    loop {
+        match receives.recv_timeout(BEAT) {
+            Ok(ended) => return Ok(ended),
+            Err(RecvTimeoutError::Timeout) => listened(shared, progress, &mut told)?,
+            Err(RecvTimeoutError::Disconnected) => match worker.join() {
+                Err(panic) => std::panic::resume_unwind(panic),
+                Ok(()) => unreachable!("a thread that ends has sent its result"),
+            },
+        }
+    }
+}
+
+/// Looks for signals and tells the progress, and cancels the work where either raises an error.
+fn listened(shared: &Shared, progress: Option<&Py<PyAny>>, told: &mut Option<(String, u64, u64)>) -> PyResult<()> {
+    let heard = Python::attach(|py| heard(py, shared, progress, told));
+    if heard.is_err() {
+        shared.is_cancelled.store(true, Ordering::Relaxed);
+    }
+    heard
 }
 
 /// Looks for signals, and tells the progress where it is another than before.

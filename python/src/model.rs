@@ -58,12 +58,13 @@ fn made(
     progress: Option<Py<PyAny>>,
     options: MeshOptions,
     name: &str,
-    scene: impl FnOnce(&Context) -> Result<Scene, WorkflowError> + Send,
+    scene: impl FnOnce(&Context) -> Result<Scene, WorkflowError> + Send + 'static,
 ) -> PyResult<Model> {
-    let done = call(progress, &Settings::default()).run(py, |cx| {
+    let name = name.to_owned();
+    let done = call(progress, &Settings::default()).run_apart(py, move |cx| {
         let scene = scene(cx)?;
         cx.settings.note_mesh(options);
-        workflow::Model::new(scene, name, options, Use::Light, cx)
+        workflow::Model::new(scene, &name, options, Use::Light, cx)
     })?;
     let shared = Shared {
         model: Mutex::new(done.value),
@@ -143,8 +144,9 @@ impl Model {
         let options = Options::new(options)?;
         let mesh = options.mesh()?;
         options.finish()?;
-        made(py, progress, mesh, name, |_| {
-            Ok(radiosity::scene::builtin::build(name, level)?.scene)
+        let of_scene = name.to_owned();
+        made(py, progress, mesh, name, move |_| {
+            Ok(radiosity::scene::builtin::build(&of_scene, level)?.scene)
         })
     }
 
