@@ -107,6 +107,34 @@ pub(crate) fn prepare(
         let written = None;
         return Ok(Prepared { written, target });
     }
+    let directory = directory_of(&target);
+    let written = if let Some(mut file) = unnamed_file(directory) {
+        fill(&mut file, content)?;
+        named(&file, directory)?
+    } else {
+        let mut temporary = builder().tempfile_in(directory)?;
+        let listed = Listed::new(temporary.path());
+        fill(temporary.as_file_mut(), content)?;
+        (temporary.into_temp_path(), listed)
+    };
+    Ok(Prepared {
+        written: Some(written),
+        target,
+    })
+}
+
+/// Writes all of a file to the disk.
+fn fill(file: &mut File, content: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>) -> io::Result<()> {
+    let mut writer = BufWriter::new(&mut *file);
+    content(&mut writer)?;
+    writer.flush()?;
+    drop(writer);
+    // Without this a crash soon after the rename can leave an empty file under the new name.
+    file.sync_all()
+}
+
+/// Returns what makes temporary files.
+fn builder() -> tempfile::Builder<'static, 'static> {
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     {
@@ -114,19 +142,45 @@ pub(crate) fn prepare(
         // A temporary file is private by default; the umask takes away what the user does not want.
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
-    let directory = directory_of(&target);
-    let mut temporary = builder.prefix(".radiosity-").tempfile_in(directory)?;
-    let listed = Listed::new(temporary.path());
-    let mut writer = BufWriter::new(temporary.as_file_mut());
-    content(&mut writer)?;
-    writer.flush()?;
-    drop(writer);
-    // Without this a crash soon after the rename can leave an empty file under the new name.
-    temporary.as_file().sync_all()?;
-    Ok(Prepared {
-        written: Some((temporary.into_temp_path(), listed)),
-        target,
-    })
+    builder.prefix(".radiosity-");
+    builder
+}
+
+/// Where the files that a process has open are found by their numbers.
+#[cfg(target_os = "linux")]
+const OPEN_FILES: &str = "/proc/self/fd";
+
+/// Makes a file that has no name yet: of a process that is killed, nothing is left. `None` where the file system has no such files.
+#[cfg(target_os = "linux")]
+fn unnamed_file(directory: &Path) -> Option<File> {
+    use rustix::fs::{Mode, OFlags, open};
+    let flags = OFlags::TMPFILE | OFlags::RDWR | OFlags::CLOEXEC;
+    let opened = open(directory, flags, Mode::from_raw_mode(0o666)).ok()?;
+    Path::new(OPEN_FILES).is_dir().then(|| opened.into())
+}
+
+#[cfg(not(target_os = "linux"))]
+fn unnamed_file(_directory: &Path) -> Option<File> {
+    None
+}
+
+/// Gives a file that has none a temporary name.
+#[cfg(target_os = "linux")]
+fn named(file: &File, directory: &Path) -> io::Result<(TempPath, Listed)> {
+    use std::os::fd::AsRawFd as _;
+
+    use rustix::fs::{AtFlags, CWD, linkat};
+    let from = Path::new(OPEN_FILES).join(file.as_raw_fd().to_string());
+    let linked = builder().make_in(directory, |path| {
+        linkat(CWD, &from, CWD, path, AtFlags::SYMLINK_FOLLOW).map_err(Into::into)
+    })?;
+    let listed = Listed::new(linked.path());
+    Ok((linked.into_temp_path(), listed))
+}
+
+#[cfg(not(target_os = "linux"))]
+fn named(_file: &File, _directory: &Path) -> io::Result<(TempPath, Listed)> {
+    Err(io::ErrorKind::Unsupported.into())
 }
 
 /// Returns whether `path` can name a file to write, and returns the place that it stands for: a link is followed.
