@@ -315,6 +315,37 @@ fn ranks_with_different_scenes_are_refused() {
     assert!(!names(at).contains(&"F.npz".to_owned()));
 }
 
+/// Runs the program on two ranks, and kills the second once `is_time`, which is given the numbers of both processes: all end, and none succeeds.
+fn kill_second(at: &Path, arguments: &[&str], is_time: impl Fn([u32; 2]) -> bool) {
+    let mut command = ranks(2, at, "echo $$ >pid.$PMI_RANK; exec \"$0\" \"$@\"");
+    let mut child = command
+        .args(arguments)
+        .args(["--threads", "1"])
+        .stderr(Stdio::null())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    let pid = |rank: u32| {
+        let text = std::fs::read_to_string(at.join(format!("pid.{rank}"))).ok()?;
+        text.trim().parse::<u32>().ok()
+    };
+    let second = loop {
+        if let Some(pids) = pid(0).zip(pid(1))
+            && is_time(pids.into())
+        {
+            break pids.1;
+        }
+        assert!(child.try_wait().unwrap().is_none(), "it ended before it was killed");
+        std::thread::sleep(Duration::from_millis(1));
+    };
+    let killed = Command::new("kill").args(["-9", &second.to_string()]).status();
+    assert!(killed.unwrap().success());
+    assert!(!child.wait().unwrap().success());
+    for rank in 0..2 {
+        std::fs::remove_file(at.join(format!("pid.{rank}"))).unwrap();
+    }
+}
+
 /// A rank is killed while form factors are computed: all end, no file is half-written, and runs on other numbers of ranks go on to the same bytes.
 #[test]
 fn a_killed_rank_ends_all_and_a_later_run_goes_on() {
@@ -323,58 +354,71 @@ fn a_killed_rank_ends_all_and_a_later_run_goes_on() {
     }
     let directory = with_scene("room-box");
     let at = directory.path();
-    let work = [
-        "form-factors",
-        "scene.obj",
-        "--subdivide",
-        "10",
-        "--tolerance",
-        "1e-7",
-        "-o",
-        "F.npz",
-    ];
-    let kept = [&work[..], &["--checkpoint", "c", "--threads", "1"]].concat();
+    let work = "form-factors scene.obj --subdivide 10 --tolerance 1e-7 -o F.npz".split(' ');
+    let work: Vec<&str> = work.collect();
+    let kept = [&work[..], &["--checkpoint", "c"]].concat();
     succeed(at, &work);
     let expected = std::fs::read(at.join("F.npz")).unwrap();
     std::fs::remove_file(at.join("F.npz")).unwrap();
     for n_after in [1, 2, 3] {
-        let mut command = ranks(2, at, "echo $$ >pid.$PMI_RANK; exec \"$0\" \"$@\"");
-        let mut child = command
-            .args(&kept)
-            .stderr(Stdio::null())
-            .stdout(Stdio::null())
-            .spawn()
-            .unwrap();
         let length = || at.join("c.1").metadata().map_or(0, |found| found.len());
-        while length() < 1000 {
-            assert!(child.try_wait().unwrap().is_none(), "it ended before it was killed");
-            std::thread::sleep(Duration::from_millis(1));
-        }
-        let pid = std::fs::read_to_string(at.join("pid.1")).unwrap();
-        assert!(
-            Command::new("kill")
-                .args(["-9", pid.trim()])
-                .status()
-                .unwrap()
-                .success()
-        );
-        assert!(!child.wait().unwrap().success());
-        assert_eq!(names(at), ["c.0", "c.1", "pid.0", "pid.1", "scene.mtl", "scene.obj"]);
-        let n_kept = length();
+        kill_second(at, &kept, |_| length() >= 1000);
+        assert_eq!(names(at), ["c.0", "c.1", "scene.mtl", "scene.obj"]);
         let output = if n_after == 1 {
             radiosity(at, &kept)
         } else {
-            on_ranks(n_after, at, &kept[..kept.len() - 2])
+            on_ranks(n_after, at, &kept)
         };
         assert!(output.status.success(), "{}", stderr(&output));
-        assert!(n_kept >= 1000);
         assert!(
             std::fs::read(at.join("F.npz")).unwrap() == expected,
             "on {n_after} ranks"
         );
-        assert_eq!(names(at), ["F.npz", "pid.0", "pid.1", "scene.mtl", "scene.obj"]);
+        assert_eq!(names(at), ["F.npz", "scene.mtl", "scene.obj"]);
         std::fs::remove_file(at.join("F.npz")).unwrap();
     }
+}
+
+/// The same in a pass, and while files are written: nothing is left, and the next run makes the bytes of one that nobody disturbed.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_rank_that_is_killed_in_a_pass_or_a_file_leaves_nothing() {
+    if !has_mpi() {
+        return;
+    }
+    let directory = with_scene("room-box");
+    let at = directory.path();
+    // Nothing but passes, each of which shoots all rays anew: half a second of them.
+    let in_a_pass = |[_, second]: [u32; 2]| {
+        let stat = std::fs::read_to_string(format!("/proc/{second}/stat")).unwrap_or_default();
+        let ticks = stat.split_whitespace().nth(13).and_then(|n| n.parse::<u64>().ok());
+        ticks.is_some_and(|ticks| ticks > 50)
+    };
+    // The first rank has a file open that has no name.
+    let in_a_file = |[first, _]: [u32; 2]| {
+        let Ok(open) = std::fs::read_dir(format!("/proc/{first}/fd")) else {
+            return false;
+        };
+        let mut targets = open.filter_map(|entry| std::fs::read_link(entry.ok()?.path()).ok());
+        targets.any(|target| target.starts_with(at) && target.to_string_lossy().contains("/#"))
+    };
+    let expect_nothing_left = |line: &str, is_time: &dyn Fn([u32; 2]) -> bool| {
+        let arguments: Vec<&str> = line.split(' ').collect();
+        let result = arguments[arguments.len() - 1];
+        succeed(at, &arguments);
+        let expected = std::fs::read(at.join(result)).unwrap();
+        std::fs::remove_file(at.join(result)).unwrap();
+        kill_second(at, &arguments, is_time);
+        assert_eq!(names(at), ["scene.mtl", "scene.obj"], "{result}");
+        let output = on_ranks(2, at, &arguments);
+        assert!(output.status.success(), "{}", stderr(&output));
+        assert!(std::fs::read(at.join(result)).unwrap() == expected, "{result}");
+        std::fs::remove_file(at.join(result)).unwrap();
+    };
+    let passes = "solve scene.obj --subdivide 6 --on-the-fly --method sr --rays 4096 --solver jacobi -o B.csv";
+    expect_nothing_left(passes, &in_a_pass);
+    let file = "form-factors scene.obj --subdivide 15 --tolerance 1e-2 -o F.mtx";
+    expect_nothing_left(file, &in_a_file);
 }
 
 /// Launchers tell ranks by variables: a build that cannot share work says so once, and computes nothing.
