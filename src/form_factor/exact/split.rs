@@ -103,6 +103,11 @@ impl Split<'_> {
         self.at_once(p, q, among, goal, without)
     }
 
+    /// Returns what tells whether to go on.
+    fn go_on(&self) -> impl Fn() -> bool {
+        || !self.progress.is_cancelled()
+    }
+
     /// Does what [`exchange_area`](Self::exchange_area) does, without a look at narrow gaps.
     fn at_once(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId], goal: f64, without: Whole) -> Partial {
         let occluders = self.index.occluders(p, q, among);
@@ -119,8 +124,8 @@ impl Split<'_> {
         }
         if has_few {
             let mut whole = Integration::begin([p, q], &occluders, closer, self.budget, without);
-            whole.refine(goal, self.budget);
-            whole.refine(closer, extra);
+            whole.refine(goal, self.budget, &self.go_on());
+            whole.refine(closer, extra, &self.go_on());
             return whole.result(goal);
         }
         if closer < goal {
@@ -288,7 +293,7 @@ impl Split<'_> {
         let [p, q] = leaf.polygons.each_ref().map(Vec::as_slice);
         let occluders = self.index.occluders(p, q, &leaf.among);
         let mut integration = Integration::begin([p, q], &occluders, goal, budget, leaf.whole);
-        integration.refine(goal, budget / 2);
+        integration.refine(goal, budget / 2, &self.go_on());
         integration
     }
 
@@ -302,7 +307,7 @@ impl Split<'_> {
                 Some(worst) if error > goal && !self.progress.is_cancelled() => {
                     let budget = worst.n_evaluations() + most.saturating_sub(n_evaluations);
                     let enough = worst.error() - (error - goal);
-                    worst.refine(enough.max(0.5 * worst.error()), budget)
+                    worst.refine(enough.max(0.5 * worst.error()), budget, &self.go_on())
                 }
                 _ => false,
             };

@@ -123,7 +123,7 @@ pub fn exchange_area(p: &[DVec3], q: &[DVec3], occluders: &[Occluder<'_>], accur
         }
         Err(nothing) => Integration::without_looking(nothing),
     };
-    begun.refine(goal, accuracy.budget);
+    begun.refine(goal, accuracy.budget, &|| true);
     begun.result(goal)
 }
 
@@ -215,11 +215,11 @@ impl Integration {
         }
     }
 
-    /// Cuts the worst pieces until the error is within `goal`, m², or there have been `budget` evaluations in all. Returns whether anything was done.
-    pub(super) fn refine(&mut self, goal: f64, budget: usize) -> bool {
+    /// Cuts the worst pieces until the error is within `goal`, m², there have been `budget` evaluations in all, or `go_on` returns false. Returns whether anything was done.
+    pub(super) fn refine(&mut self, goal: f64, budget: usize, go_on: &dyn Fn() -> bool) -> bool {
         match &mut self.state {
             State::Done(_) => false,
-            State::Open(pieces) => pieces.refine(goal, budget),
+            State::Open(pieces) => pieces.refine(goal, budget, go_on),
         }
     }
 
@@ -429,7 +429,7 @@ impl<'a> View<'a> {
         }
         let n_sides = self.occluders.len();
         let mut pieces = self.first_look(goal, budget, true);
-        pieces.refine(goal, budget.min(PAST_BODIES * n_sides));
+        pieces.refine(goal, budget.min(PAST_BODIES * n_sides), &|| true);
         let n_evaluations = pieces.n_evaluations();
         if pieces.error() <= goal || n_evaluations >= budget {
             return pieces;

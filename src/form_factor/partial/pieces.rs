@@ -65,6 +65,9 @@ pub(super) struct Pieces {
     n_evaluations: usize,
 }
 
+/// Cuts after which more work is asked for: about a millisecond of them.
+const CUTS_AT_ONCE: u32 = 64;
+
 /// Sums of errors that have shrunk to this part are summed anew: squares shrink to 1e-6, and keep ten digits.
 const SHRUNK: f64 = 1e-3;
 
@@ -144,12 +147,17 @@ impl Pieces {
     }
 
     /// Cuts pieces in two, the one with the greatest error first.
-    pub(super) fn refine(&mut self, goal: f64, budget: usize) -> bool {
+    pub(super) fn refine(&mut self, goal: f64, budget: usize, go_on: &dyn Fn() -> bool) -> bool {
         let n_before = self.n_evaluations;
         // Below the errors that no look takes away, nothing is gained by more.
         let least = 0.1 * self.exchange_area(self.integral, 0.0).error;
         let mut summed = self.errors.sum;
+        let mut n_cuts: u32 = 0;
         while self.n_evaluations < budget {
+            n_cuts = n_cuts.wrapping_add(1);
+            if n_cuts.is_multiple_of(CUTS_AT_ONCE) && !go_on() {
+                break;
+            }
             let is_open = |pieces: &Self| pieces.error() > goal && pieces.errors.together() > least;
             let has_shrunk = self.errors.sum.is_nan() || self.errors.sum < SHRUNK * summed;
             if has_shrunk || !is_open(self) {
