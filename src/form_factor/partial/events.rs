@@ -4,18 +4,15 @@
 //! edge ab in the view: x then lies on the line in which the plane of v, a, b cuts the receiver, within the image of ab
 //! as projected from v. Where a and v lie in the receiver's own plane that plane says nothing: they cover each other on the line through both. (Where three edges cross in the view x lies on a conic instead; those events are not listed here.)
 
-use std::cmp::Ordering;
 use std::collections::HashMap;
 use std::ops::Range;
 
 use glam::{DVec2, DVec3};
 
-use super::flat::{Flat, crossing};
+use super::flat::{FLAT, Flat, crossing};
 use super::receiver::Receiver;
+use super::screen::{Screen, inward_normals};
 use crate::geometry::clip::clip_contour;
-
-/// Heights and lengths below this share of those around them are zero.
-const FLAT: f64 = 1e-12;
 
 /// The sign of a difference is certain from this share of its terms on: [`Flat::rise`] takes the difference of heights as it is there.
 const CERTAIN: f64 = 1e-3;
@@ -46,52 +43,6 @@ struct Edge {
     n_screens: usize,
     screens: [(usize, bool); 2],
     of_target: bool,
-}
-
-/// An occluder as something that may stop a line of sight.
-struct Screen {
-    /// Each corner with the unit vector that points inwards from the edge that begins there.
-    corners: Vec<(DVec3, DVec3)>,
-    plane: Flat,
-}
-
-impl Screen {
-    fn new(corners: &[DVec3], plane: Flat) -> Self {
-        Self {
-            corners: inward_normals(corners, plane.normal)
-                .map(|(corner, inward)| (corner, inward.normalize_or_zero()))
-                .collect(),
-            plane,
-        }
-    }
-
-    /// Returns where the segment from x through v to y crosses the screen, deeper inside than a tolerance: before v or behind it.
-    fn place_on(&self, x: DVec3, v: DVec3, y: DVec3) -> Option<Ordering> {
-        let [height_x, height_y] = [x, y].map(|p| self.plane.snapped_height(p, FLAT));
-        if height_x * height_y >= 0.0 {
-            return None;
-        }
-        // From the nearer end, whose digits count.
-        let crossing = if height_x.abs() <= height_y.abs() {
-            x + (y - x) * (height_x / (height_x - height_y))
-        } else {
-            y + (x - y) * (height_y / (height_y - height_x))
-        };
-        let tolerance = self.plane.tolerance(crossing, FLAT);
-        let is_inside = |&(corner, inward): &(DVec3, DVec3)| inward.dot(crossing - corner) > tolerance;
-        if !self.corners.iter().all(is_inside) {
-            return None;
-        }
-        let beyond = (crossing - v).dot(y - x);
-        let tolerance = self.plane.tolerance(v, FLAT);
-        (beyond.abs() > tolerance * (y - x).length()).then_some(beyond.total_cmp(&0.0))
-    }
-
-    /// Returns whether the vertex is a corner of the screen, or the edge one of its edges.
-    fn touches(&self, vertex: DVec3, edge: [DVec3; 2]) -> bool {
-        let has = |p: DVec3| self.corners.iter().any(|&(corner, _)| corner == p);
-        has(vertex) || edge.iter().all(|&end| has(end))
-    }
 }
 
 /// Vertices and edges of occluders that have been met: looked up in a list while there are few, which takes less time than hashing.
@@ -495,12 +446,6 @@ impl<'a> Outline<'a> {
         });
         first * second < 0
     }
-}
-
-/// Iterates over the corners of a polygon, each with a vector that points inwards from the edge that begins there.
-fn inward_normals(corners: &[DVec3], normal: DVec3) -> impl Iterator<Item = (DVec3, DVec3)> + '_ {
-    let next = corners.iter().cycle().skip(1);
-    corners.iter().zip(next).map(move |(&a, &b)| (a, normal.cross(b - a)))
 }
 
 /// An interval of the parameter of an edge.

@@ -4,6 +4,9 @@ use glam::DVec3;
 
 use crate::geometry::polygon;
 
+/// Heights and lengths below this share of those around them are zero.
+pub(super) const FLAT: f64 = 1e-12;
+
 /// The plane of a polygon.
 ///
 /// A point counts as in the plane from a share of its distance from the polygon and of the polygon's size on, and within 16 ulps of both coordinates: other polygons,

@@ -26,6 +26,7 @@ mod quad;
 mod rays;
 mod receiver;
 mod rule;
+mod screen;
 mod shadow;
 mod sight;
 mod sunlit;

@@ -1,0 +1,59 @@
+//! Occluders before a line of sight.
+
+use std::cmp::Ordering;
+
+use glam::DVec3;
+
+use super::flat::{FLAT, Flat};
+
+/// An occluder as something that may stop a line of sight.
+pub(super) struct Screen {
+    /// Each corner with the unit vector that points inwards from the edge that begins there.
+    corners: Vec<(DVec3, DVec3)>,
+    pub(super) plane: Flat,
+}
+
+impl Screen {
+    pub(super) fn new(corners: &[DVec3], plane: Flat) -> Self {
+        Self {
+            corners: inward_normals(corners, plane.normal)
+                .map(|(corner, inward)| (corner, inward.normalize_or_zero()))
+                .collect(),
+            plane,
+        }
+    }
+
+    /// Returns where the segment from x through v to y crosses the screen, deeper inside than a tolerance: before v or behind it.
+    pub(super) fn place_on(&self, x: DVec3, v: DVec3, y: DVec3) -> Option<Ordering> {
+        let [height_x, height_y] = [x, y].map(|p| self.plane.snapped_height(p, FLAT));
+        if height_x * height_y >= 0.0 {
+            return None;
+        }
+        // From the nearer end, whose digits count.
+        let crossing = if height_x.abs() <= height_y.abs() {
+            x + (y - x) * (height_x / (height_x - height_y))
+        } else {
+            y + (x - y) * (height_y / (height_y - height_x))
+        };
+        let tolerance = self.plane.tolerance(crossing, FLAT);
+        let is_inside = |&(corner, inward): &(DVec3, DVec3)| inward.dot(crossing - corner) > tolerance;
+        if !self.corners.iter().all(is_inside) {
+            return None;
+        }
+        let beyond = (crossing - v).dot(y - x);
+        let tolerance = self.plane.tolerance(v, FLAT);
+        (beyond.abs() > tolerance * (y - x).length()).then_some(beyond.total_cmp(&0.0))
+    }
+
+    /// Returns whether the vertex is a corner of the screen, or the edge one of its edges.
+    pub(super) fn touches(&self, vertex: DVec3, edge: [DVec3; 2]) -> bool {
+        let has = |p: DVec3| self.corners.iter().any(|&(corner, _)| corner == p);
+        has(vertex) || edge.iter().all(|&end| has(end))
+    }
+}
+
+/// Iterates over the corners of a polygon, each with a vector that points inwards from the edge that begins there.
+pub(super) fn inward_normals(corners: &[DVec3], normal: DVec3) -> impl Iterator<Item = (DVec3, DVec3)> + '_ {
+    let next = corners.iter().cycle().skip(1);
+    corners.iter().zip(next).map(move |(&a, &b)| (a, normal.cross(b - a)))
+}
