@@ -929,8 +929,8 @@ class Model:
             if rows.ndim != 2:
                 raise ArgumentError(f"sun_path: shape {rows.shape}, expected (k, 5)")
         options = given(
-            sky=sky if sky is None or isinstance(sky, (int, float)) else list(sky),
-            north=list(north),
+            sky=sky if sky is None or isinstance(sky, (int, float)) else vector("sky", sky),
+            north=vector("north", north),
             angular_radius=angular_radius,
             solver=solver,
             tolerance=tolerance,

@@ -38,6 +38,8 @@ CALLS: list[tuple[str, Callable[[rd.Model], object]]] = [
     ("exitance", lambda m: m.solve(exitance=np.ones(6, dtype=complex))),
     ("exitance", lambda m: m.solve(exitance="3")),
     ("sun", lambda m: m.solve(sun="noon")),  # type: ignore[arg-type]
+    ("sky", lambda m: m.along_sun_path([[0.0, 0.0, 0.0, 1.0, 1.0]], sky=1j)),  # type: ignore[arg-type]
+    ("north", lambda m: m.along_sun_path([[0.0, 0.0, 0.0, 1.0, 1.0]], north=1.0)),  # type: ignore[arg-type]
     ("sun", lambda m: m.solve(sun={"direction": (0, 0, 1), "irradiance": NAN})),
     ("sky", lambda m: m.solve(sky=NAN)),
     ("sky", lambda m: heat(m, sky=NAN)),
