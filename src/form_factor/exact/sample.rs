@@ -41,7 +41,7 @@ const AT_A_GLANCE: Limits = Limits {
 /// Work is short if a glance makes it less than this part of [`Forecast::LONG`].
 const SHORT: f64 = 0.05;
 
-/// The most that a pair takes where nothing can stand between patches, in s.
+/// The greatest time of a pair where no occluder can lie between patches, in s.
 const CLEAR_PAIR_S: f64 = 1e-5;
 
 /// And no more than one run of rows in so many: little work is not worth a forecast.
