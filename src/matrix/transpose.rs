@@ -117,11 +117,6 @@ impl FormFactors {
         }
     }
 
-    /// Returns blocks of all rows, whichever rank works on them.
-    pub(super) fn all_row_blocks(&self) -> Vec<Range<usize>> {
-        blocks_in(0..self.n_rows(), self.rows_together())
-    }
-
     /// Returns how many rows are best transposed at a time.
     fn rows_together(&self) -> usize {
         // On a disk, rows are best read together with those of their tiles.
@@ -136,13 +131,7 @@ impl FormFactors {
             reason = "from 1 to BLOCK_ENTRIES"
         )]
         let fitting = (BLOCK_ENTRIES / per_row) as usize;
-        let n_together = fitting.min(n / MIN_BLOCKS).max(BLOCK_ROWS);
-        // So that blocks begin in the same rows on any number of ranks.
-        if n_together < SIDE {
-            BLOCK_ROWS
-        } else {
-            n_together / SIDE * SIDE
-        }
+        fitting.min(n / MIN_BLOCKS).max(BLOCK_ROWS)
     }
 }
 

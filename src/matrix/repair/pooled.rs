@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use crate::matrix::bounds::Open;
 use crate::matrix::error::MatrixError;
 use crate::matrix::form_factors::FormFactors;
+use crate::matrix::kernel::sizes::{SIDE, block_rows};
 use crate::matrix::tile::{Entry, RowTile, index};
 use crate::matrix::transpose::{Pair, RowBlock};
 
@@ -36,11 +37,15 @@ impl FormFactors {
             return Ok(self.clone());
         }
         let mut pooled = if self.needs_columns() {
-            let tiles = self.map_row_blocks(|block| self.pooled_rows(block));
+            let mut tiles = Vec::new();
+            self.for_each_round(SIDE, |blocks| {
+                tiles.par_extend(blocks.par_iter().map(|block| self.pooled_rows(block)));
+            });
             Self::from_own_tiles(self.areas.clone(), self.tallies.clone(), tiles, self.storage())?
         } else {
-            let blocks: Vec<_> = self.all_row_blocks();
-            let n_at_once = (AT_ONCE / blocks[0].len()).max(rayon::current_num_threads());
+            // Tiles begin in the same rows on any number of ranks, and so are stored alike.
+            let blocks: Vec<_> = block_rows(self.n_rows()).collect();
+            let n_at_once = (AT_ONCE / SIDE).max(rayon::current_num_threads());
             let tiles = blocks.chunks(n_at_once).flat_map(|some| {
                 let tiles = some
                     .par_iter()
