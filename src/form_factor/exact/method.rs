@@ -22,7 +22,8 @@ use crate::setting::{Kind, Setting, Value};
 ///   their steps, and the absolute error is enough, all pairs are differences of one closed form at the grids' corners.
 /// - Hidden pairs are exactly 0.
 /// - Partial pairs: [`partial::exchange_area`](crate::form_factor::partial::exchange_area), which follows the edges of the shadows, and subtracts what is hidden from the exchange area without occluders. Two patches with
-///   many occluders are halved as long as that leaves fewer between the halves; where a wall stands in a narrow gap, both are cut along it.
+///   many occluders are halved as long as that leaves fewer between the halves; where a wall stands in a narrow gap, both are cut along it. Where the tolerance is more than thirty times a pair's exchange area without occluders, three or four points of each part of it are all,
+///   and its error is certain: all that seems visible or all that seems hidden, whichever is more.
 ///
 /// - Of a convex solid with seven or more sides in the way, what its silhouette hides is taken away at once.
 /// - Pairs with five occluders or more, or three that are no sides of solids, for which clipping is going to cost four times as much, are settled by rays: 1/16 of them each from an independent scramble of Sobol points, until 4.5 standard

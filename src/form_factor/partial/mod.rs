@@ -50,7 +50,7 @@ pub use point::VisibleFactor;
 pub(super) use rays::by_rays;
 use receiver::Receiver;
 use shadow::Shadows;
-use sight::{Sight, Views};
+use sight::{Sight, VISIBLE, Views};
 pub(crate) use sunlit::{Lit, lit_part};
 pub(crate) use view_cells::Scratch;
 
@@ -190,7 +190,7 @@ impl Integration {
             Ok(view) => view,
             Err(nothing) => return Self::without_looking(nothing),
         };
-        match view.uncut(goal, SMALL) {
+        match view.at_few_points(goal) {
             Some(enough) => Self {
                 state: State::Done(enough),
             },
@@ -258,7 +258,7 @@ impl Integration {
 /// Where the exchange area without occluders is up to [`SMALL_AMONG_MANY`] times the goal; what a shadow between all points may hide is stated as error.
 pub(super) fn uncut(sides: [&[DVec3]; 2], occluders: &[Occluder<'_>], goal: f64, whole: Whole) -> Option<Partial> {
     let mut view = View::new(sides, occluders, whole).ok()?;
-    view.uncut(goal, SMALL_AMONG_MANY)
+    view.uncut(goal)
 }
 
 /// Decides which polygon is integrated over: the one that is farther from all occluders in units of its own size, because shadows are softer there.
@@ -301,12 +301,10 @@ const MAX_CELLS: usize = 4096;
 /// The most pairs of a vertex and an edge that are looked at for discontinuity lines.
 const MAX_EVENT_PAIRS: usize = 1 << 20;
 
-/// A pair whose exchange area without occluders is less than this part of what the tolerance allows is not cut.
-///
-/// The cut costs no more than it saves, and makes the true error far smaller than the tolerance; for pairs as small as this that does not matter any more.
-const SMALL: f64 = 0.1;
+/// A pair whose exchange area without occluders is less than this part of what the tolerance allows is looked at from a few points alone.
+const SMALL: f64 = 0.03;
 
-/// The same for a pair with many occluders, as [`uncut`] has it: a cut costs far more there, and many small shadows make something smooth together.
+/// A pair with many occluders is not cut where its exchange area without them is up to so many times what the tolerance allows: a cut costs far more there, and many small shadows make something smooth together.
 /// Times: `docs/performance.md`.
 const SMALL_AMONG_MANY: f64 = 40.0;
 
@@ -394,10 +392,37 @@ impl<'a> View<'a> {
         receiver.corners.iter().map(|&v| receiver.to_plane(v)).collect()
     }
 
-    /// Integrates over the receiver without looking for discontinuity lines, if it exchanges less than `small` goals without occluders; `None` if that does not reach the goal.
-    fn uncut(&mut self, goal: f64, small: f64) -> Option<Partial> {
+    /// Looks from three or four points of each part of the receiver, if it exchanges less than [`SMALL`] goals without occluders.
+    ///
+    /// The stated error is certain: all that seems visible or all that seems hidden, whichever is more.
+    fn at_few_points(&mut self, goal: f64) -> Option<Partial> {
+        let is_small = self.whole.area < SMALL * goal;
+        if !is_small {
+            return None;
+        }
+        self.sight.is_loose = true;
+        let (mut visible, mut n_evaluations) = (0.0, 0);
+        for shape in Cells::cut(self.outer(), &[], 0.0, 1).shapes() {
+            let estimate = self.sight.at_few_points(shape);
+            visible += estimate.integral[VISIBLE];
+            n_evaluations += estimate.n_evaluations;
+        }
+        let exchange_area = visible.min(self.whole.area);
+        let error = self.whole.bounded(exchange_area, f64::INFINITY);
+        let found = Partial {
+            exchange_area,
+            error,
+            n_evaluations,
+            n_rays: 0,
+            reached: true,
+        };
+        (error <= goal).then_some(found)
+    }
+
+    /// Integrates over the receiver without looking for discontinuity lines, if it exchanges less than [`SMALL_AMONG_MANY`] goals without occluders; `None` if that does not reach the goal.
+    fn uncut(&mut self, goal: f64) -> Option<Partial> {
         let most = self.whole.area;
-        if most.is_nan() || most >= small * goal {
+        if most.is_nan() || most >= SMALL_AMONG_MANY * goal {
             return None;
         }
         let outer = self.outer();
