@@ -20,7 +20,9 @@ use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
 use crate::matrix::StorageChoice;
 use crate::progress::Progress;
 
-/// The error of the rule, relative to the exchange area, above which its patch is cut: a row that adds up such errors is off by at most that part of all light.
+/// The error of the rule, relative to the exchange area, above which its patch is cut.
+///
+/// A row that adds up such errors is off by at most that part of all light.
 const RULE_TOLERANCE: f64 = 1e-3;
 
 /// The most points on the parts of a patch.

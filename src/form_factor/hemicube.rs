@@ -31,7 +31,7 @@ use crate::visibility::{Coherence, HitBatch, RayBatch};
 /// Error of an entry: its distance from the exact form factor without occluders (two digits of it) where nothing occludes. Where something may, plus
 /// sqrt(2/((q² + 2)(q² + 3))) of that, for parts of i between the points whose view is hidden, which more cells do not show. Where a fraction v < 1 − 1/√m is visible from the
 /// points, by m rays: the points' distance from the exact form factor, plus sqrt(v(1 − v)/q² + 2/((q² + 2)(q² + 3))) of it, plus 1/√m of the entry. Patches that are certain
-/// not to see each other have none. It covers the rule on i, the cells and the shadows; summed over patches that err to both sides it is much more than their error.
+/// not to see each other have their value as error, mostly 0. It covers the rule on i, the cells and the shadows; summed over patches that err to both sides it is much more than their error.
 ///
 /// Source: [`COHEN_GREENBERG_1985`](crate::references::COHEN_GREENBERG_1985). Departures: rays through the cells' middles instead of scan conversion, which finds
 /// the same patch in each cell; exact ΔF instead of the integrand at the middle times the cell's area; more than one point by choice.

@@ -231,7 +231,7 @@ impl Batches<'_> {
         rounded.error(pair, seen.exchange, seen.unoccluded, occluders)
     }
 
-    /// Returns the part of an exchange area, m², that an occluder on the plane of patch i may hide if it hides light that passes within `slack` of the patch's border.
+    /// Returns the part of an exchange area, m², that an occluder on the plane of patch i may hide within `slack` of the patch's border.
     ///
     /// Light at an angle θ to the normal is hidden in a strip as wide as slack / cos θ, whose share of it is the flux without its cosine: the exchange area times slack L / (A cos θ) with L the perimeter,
     /// and at most slack L Ω / π, where Ω ≤ 2π is the solid angle of the front half-space. The angle is that of the other patch's middle, or half of that of its highest corner where that is more: the middle may
