@@ -111,7 +111,7 @@ impl PointViews {
         if is_on_face { Place::OnFace } else { Place::Free }
     }
 
-    /// Returns whether light from a unit direction reaches a point past all faces, and whether that is certain: every border that it passes is farther away than corners may be off.
+    /// Returns whether light from a unit direction reaches a point past all faces, and whether that is certain: any border it passes is farther away than corners may be off.
     pub(crate) fn is_lit(&self, point: DVec3, direction: DVec3) -> (bool, bool) {
         // The depth inside the face at which light meets its plane, m; below 0 outside.
         let depth = |face: &Plate| {
