@@ -1,8 +1,8 @@
-//! Conservation checks: what results must obey, checked after every run.
+//! Conservation checks of results, made after every run.
 //!
-//! A law is checked against what the result itself claims: the errors of its form factors, the residual of its solution. Nothing is believed because it was
-//! computed: every number that is compared is calculated again from what is handed out. A law that a result does not promise is not checked, and the
-//! audit says why.
+//! A law is checked against the guarantees of the result itself: the errors of its form factors, the residual of its solution. Computed values are not trusted:
+//! every compared number is calculated again from the returned results. A law that a result does not guarantee is not checked, and the
+//! audit states why.
 //!
 //! | law | of | holds within |
 //! |---|---|---|
@@ -184,13 +184,13 @@ impl Audit {
         self.checks.iter().filter(|check| !check.passed)
     }
 
-    /// Returns what was found about a law, if it was checked.
+    /// Returns the check of a law, if it was made.
     #[must_use]
     pub fn check(&self, law: Law) -> Option<&Check> {
         self.checks.iter().find(|check| check.law == law)
     }
 
-    /// Adds what another audit found.
+    /// Adds the checks of another audit.
     pub fn extend(&mut self, other: Self) {
         self.checks.extend(other.checks);
         self.not_checked.extend(other.not_checked);
@@ -221,9 +221,9 @@ impl Audit {
     }
 }
 
-/// Checks a picture: what shows light is finite and not negative.
+/// Checks a picture: the layers of light are finite and not negative.
 ///
-/// Looks at the layers that are light ([`Layer::is_light`](crate::render::Layer::is_light)). Departures: none.
+/// These are the layers of [`Layer::is_light`](crate::render::Layer::is_light). Departures: none.
 #[must_use]
 pub fn picture(image: &Image) -> Audit {
     let mut worst = Worst::default();
@@ -244,7 +244,7 @@ pub fn picture(image: &Image) -> Audit {
     }
 }
 
-/// Where something was looked at.
+/// The place of a check.
 #[derive(Clone, Copy, Debug, Default)]
 struct At {
     patch: Option<usize>,
@@ -280,18 +280,18 @@ impl At {
 struct Worst {
     n_checked: u64,
     n_violations: u64,
-    /// The deviation by what is allowed.
+    /// The deviation over the allowed one.
     ratio: f64,
     deviation: f64,
     allowed: f64,
     at: At,
 }
 
-/// Deviations below this part of the worst are told from it in spite of rounding.
+/// The part of the worst deviation below which others are less in spite of rounding.
 const NOT_WORST: f64 = 1.0 - 1e-14;
 
 impl Worst {
-    /// How many [`numbers`](Self::numbers) there are.
+    /// The number of [`numbers`](Self::numbers).
     const N_NUMBERS: usize = 8;
 
     /// Returns it as numbers, for other ranks.
@@ -318,7 +318,7 @@ impl Worst {
         }
     }
 
-    /// Takes in one place; what is not a number breaks every law.
+    /// Adds one place; NaN breaks every law.
     #[inline]
     fn see(&mut self, deviation: f64, allowed: f64, at: At) {
         // Most places are far from the worst, and take no division.
@@ -331,7 +331,7 @@ impl Worst {
         }
     }
 
-    /// Takes in one place, judged in units of `unit` and reported in the law's own: what is far from 1 there must neither overflow nor vanish.
+    /// Adds one place, judged in units of `unit` and reported in the law's own: numbers far from 1 there must neither overflow nor vanish.
     fn see_in(&mut self, unit: f64, deviation: f64, allowed: f64, at: At) {
         let broken = deviation.is_nan() || allowed.is_nan() || deviation > allowed;
         let ratio = match (broken, deviation > 0.0) {
@@ -355,7 +355,7 @@ impl Worst {
         *self = self.and(found);
     }
 
-    /// Returns both together; of equals the first is kept, but for the greater deviation.
+    /// Returns both together; of equal ones the first is kept, but with the greater deviation.
     fn and(self, later: Self) -> Self {
         let (n_checked, n_violations) = (self.n_checked + later.n_checked, self.n_violations + later.n_violations);
         let is_worse = (later.ratio, later.deviation) > (self.ratio, self.deviation);
