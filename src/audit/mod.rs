@@ -9,16 +9,19 @@
 //! | [`Law::Sign`]: F_ij ≥ 0 | form factors | 0 |
 //! | [`Law::Exchange`]: A_i F_ij ≤ min(A_i, A_j) | form factors | twice the entry's error, of a rule at most 0.001; or 8 standard deviations of counts of rays |
 //! | [`Law::Reciprocity`]: A_i F_ij = A_j F_ji | form factors | rounding, or 8 standard deviations of counts of rays |
-//! | [`Law::Closure`]: Σ_j F_ij = 1 less what escapes | form factors | twice the sum of the row's errors; rounding where rays were counted; after a repair, what it left of rows that are known to sum to 1, and 8 standard deviations of the others; below 1 also what may leave through gaps of a closed scene |
+//! | [`Law::Closure`]: Σ_j F_ij = 1 less the light that escapes | form factors | twice the sum of the row's errors; rounding where rays were counted; repairs and gaps: below |
 //! | [`Law::RowSum`]: Σ_j F_ij ≤ 1 | form factors | the same |
 //! | both, where a row is above | form factors | of errors of a rule at most 0.001, of others 8 standard deviations of independent entries |
-//! | [`Law::Finite`]: numbers, none below 0 where nothing emits less | radiosities, irradiances | 0; what the stated residual allows |
+//! | [`Law::Finite`]: finite, and not negative where no exitance is | radiosities, irradiances | 0; the error that the stated residual allows |
 //! | [`Law::Irradiance`]: H = F B | solutions | rounding |
-//! | [`Law::Residual`]: r is what the solver says | solutions | rounding |
-//! | [`Law::Energy`]: emitted = absorbed + escaped | solutions | what the stated residual allows |
-//! | [`Law::LeastRadiosity`], [`Law::GreatestRadiosity`] | solutions | what the stated residual allows |
+//! | [`Law::Residual`]: r is at most the stated residual | solutions | rounding |
+//! | [`Law::Energy`]: emitted = absorbed + escaped | solutions | the error that the stated residual allows |
+//! | [`Law::LeastRadiosity`], [`Law::GreatestRadiosity`] | solutions | the error that the stated residual allows |
 //! | [`Law::Sides`]: no light passes a closed surface | links of voxels | 0 |
 //! | [`Law::Picture`]: pixels are finite and not negative | pictures | 0 |
+//!
+//! After a repair, closure holds within the tolerance of the repair in rows that are known to sum to 1, and within 8 standard deviations in the others.
+//! In a closed scene with gaps, a row may also fall short of 1 by the light that may leave through these.
 
 mod form_factors;
 mod solution;
@@ -66,7 +69,7 @@ pub enum Law {
 }
 
 impl Law {
-    /// Returns what the law says, in words.
+    /// Returns the statement of the law, in words.
     #[must_use]
     pub fn statement(self) -> &'static str {
         match self {

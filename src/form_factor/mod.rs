@@ -9,7 +9,7 @@
 //! | [`CentrePoint`] | unless normalised | no | if normalised | the exact value |
 //! | [`ParametricDifferential`] | yes | no | no | the exact value |
 //! | [`RandomShooting`] | to the noise | to the noise | yes | the number of hits |
-//! | [`GaussShooting`] | to the noise and what its grid misses | no | yes | the number of hits |
+//! | [`GaussShooting`] | to the noise and the error of its grid | no | yes | the number of hits |
 //! | [`Hemicube`] | no | no | yes | the exact value, and the cells' size |
 //! | [`GaussLambert`] | yes | to its error | to its error | a rule with fewer points |
 //! | [`ContourIntegral`] | yes | yes | to rounding | rounding |

@@ -20,7 +20,6 @@ pub(super) struct Found {
 /// Without an occluder the closed form gives the error, to two digits. Where something may occlude, n points of the patch show little of the border of a shadow on it: even where all of them agree,
 /// sqrt(2/((n + 2)(n + 3))) of the form factor is unknown, 0.41 from one point, however many
 /// rays each of them shoots; where they see a fraction v, sqrt(v(1 − v)/n) is added. Patches that are certainly hidden from each other have their value as the error.
-/// rays each of them shoots; where they see a fraction v, sqrt(v(1 − v)/n) comes to it. Patches that are known to be hidden from each other have no error, found or not.
 pub(super) struct PointErrors<'a> {
     input: Input<'a>,
     sights: Sights<'a>,

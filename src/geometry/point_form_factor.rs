@@ -49,7 +49,7 @@ struct Seen<'a> {
     middle: DVec3,
     /// From the point to the polygon's middle; zero where the sum is taken about the point itself.
     centre: DVec3,
-    /// From the point to the polygon's first corner where `centre` is zero, else unused.
+    /// From the point to the polygon's first corner where `centre` is zero, otherwise unused.
     first: DVec3,
 }
 

@@ -18,7 +18,7 @@ use crate::matrix::operator::Block;
 /// Conjugate gradients on the system made symmetric by its rows' factors V = A / ρ, all channels together.
 ///
 /// V G B = V E with V G = diag(A / ρ) − A F, which is symmetric where A_i F_ij is, and positive definite where ρ_i Σ_j F_ij < 1; a direction with
-/// ⟨D, V G D⟩ ≤ 0 shows that it is not, and the solver stops as [`StopReason::Diverged`](super::StopReason::Diverged). Patches that reflect less than 2⁻⁵² of what
+/// ⟨D, V G D⟩ ≤ 0 shows that it is not, and the solver stops as [`StopReason::Diverged`](super::StopReason::Diverged). Patches that reflect less than 2⁻⁵² as much as
 /// the brightest does have no usable V; they keep B = E, from which the light that they reflect makes no difference in f64.
 ///
 /// One application of F a pass; each channel has its own scalars and rests as soon as it meets the tolerance. The recurrence's residual, with V undone, is the

@@ -152,7 +152,7 @@ struct LeastSquares {
     rotations: Vec<(f64, f64)>,
     /// The right-hand side; its last entry is ± the residual's norm.
     rhs: Vec<f64>,
-    /// True if the space cannot grow any more.
+    /// True if the space cannot grow.
     exhausted: bool,
 }
 

@@ -302,7 +302,7 @@ fn mend(scaled: &Scaled, tolerance: Tolerance, mut radiosity: Block, n_checks: &
     if scaled.system.is_signed() || values.iter().all(|b| *b >= 0.0 || b.is_nan()) {
         return Mended::NotNeeded;
     }
-    // Nothing is darker than what it emits.
+    // A radiosity is at least the exitance.
     for (b, e) in values.iter_mut().zip(scaled.exitance.values()) {
         if *b < 0.0 {
             *b = *e;

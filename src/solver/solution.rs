@@ -262,6 +262,7 @@ impl Solution {
     }
 
     /// Makes a solution. `truth` belongs to `radiosity`, in solver units; `gave_up` is the reason why the solver stopped
+    /// without reaching the tolerance. Fails if F could not be read.
     pub(super) fn new(
         scaled: &Scaled,
         radiosity: Block,

@@ -140,7 +140,7 @@ impl<'a> Shaft<'a> {
         if !of_ends().all(reaches) || !of_sides().all(reaches) {
             return false;
         }
-        // No single plane parts them: cut the polygon down to what is inside.
+        // No single plane separates them: cut the polygon down to its part inside.
         CUT.with_borrow_mut(|[inside, part]| {
             inside.clear();
             inside.extend_from_slice(corners);

@@ -16,7 +16,7 @@ pub enum Sight {
     Escaped,
 }
 
-/// The share of a voxel's height, as a shift, below 1 that counts as 1: above the error of integer heights.
+/// The binary digits of the tolerance on a voxel's height of 1, 2⁻¹⁶, which is above the error of integer heights.
 const HEIGHT_SLACK: u32 = 16;
 
 impl VoxelScene {

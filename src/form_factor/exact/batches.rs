@@ -183,7 +183,7 @@ impl<'a> Batches<'a> {
         })
     }
 
-    /// Returns what the rows of a run were before a change.
+    /// Returns the rows of a run before a change.
     pub(super) fn rows_before(&self, rows: &Range<usize>) -> Vec<Vec<Entry>> {
         self.before.map_or_else(Vec::new, |before| {
             // Only symmetric storage is reused.

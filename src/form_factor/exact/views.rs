@@ -395,7 +395,7 @@ mod tests {
                     assert!(direct.touched || !seen.touched, "{f} {g}");
                 }
                 _ if direct == seen => {}
-                // The shaft of a sliver has no reliable sides, and counts what is beside it too.
+                // The shaft of a sliver has no reliable sides, and counts occluders beside it too.
                 (PairVisibility::Partial(all), PairVisibility::Partial(_) | PairVisibility::Full) => {
                     counted.n_sharper += 1;
                     let left = match &seen.visibility {

@@ -113,7 +113,7 @@ impl Cells {
         }
     }
 
-    /// Returns whether no event crosses a cell any more.
+    /// Returns whether no event is left that crosses a cell.
     pub(super) fn are_whole(&self) -> bool {
         self.are_whole
     }

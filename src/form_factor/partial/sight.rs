@@ -28,7 +28,9 @@ const ALIKE: f64 = 1e-6;
 /// The greatest share that a part may have of F₀ between the points, as a multiple of its largest share on the points.
 const MORE_THAN_SEEN: f64 = 4.0;
 
-/// How much smaller the error of the other part must be: its closed form costs as much as some evaluations.
+/// The share of a part's error below which that of the other must be for the other to be used.
+///
+/// The closed form that this needs costs as much as some evaluations.
 const BETTER: f64 = 0.5;
 
 /// The fraction of a cell that a shadow may cover without touching a point of a rule.

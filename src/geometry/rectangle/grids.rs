@@ -140,7 +140,7 @@ impl GridPair {
         })
     }
 
-    /// Returns the bound of the absolute error of every pair, in m²: the sums' rounding, and what moves a corner by up to `off` m.
+    /// Returns the bound of the absolute error of every pair, in m²: the sums' rounding, and the effect of corners that are off by up to `off` m.
     ///
     /// The first part is that of [`rectangle_exchange_area`](super::rectangle_exchange_area) with both grids' diameter. A contour that is moved by δ changes an
     /// exchange area by less than δ times its length, because the form factor from any point of it is at most 1; `perimeters` are those of the largest cells.

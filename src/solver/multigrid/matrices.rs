@@ -298,7 +298,6 @@ impl Matrix {
     /// Makes one sweep of Gauss-Seidel over u = f + K u in channel c.
     ///
     /// Four rows at a time are multiplied with u from before the four; the changes by the earlier rows of the four are then added to each product.
-    /// Four rows at a time are multiplied with u as it was before the four; to each product is then added what the rows before it, of the same four, have changed.
     pub(super) fn sweep(&self, c: usize, u: &mut [f64], f: &[f64]) -> Swept {
         let n = u.len();
         let mut swept = Swept {

@@ -51,7 +51,7 @@ impl Deref for Outlook<'_> {
     }
 }
 
-/// The height over a plane, in the polygon's rounding, that may be 0: a quarter of what a shaft neglects at its sides.
+/// The height over a plane, in units of the polygon's rounding, that may be 0: a quarter of the height that a shaft neglects at its sides.
 const IN_PLANE: f64 = 0.25;
 
 /// The least distance of an occluder between a polygon and a box from either, as a part of the polygon's size.
