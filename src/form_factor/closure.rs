@@ -74,7 +74,9 @@ const MIN_ESCAPED: u64 = 3;
 /// Standard deviations by which the fraction of rays that escape may lie below the true fraction.
 const SIGMAS: f64 = 8.0;
 
-/// A slit of width w lets out up to this many times w P / A of the light of a patch with perimeter P and area A. Slits along all of its border take w P / A, more distant ones less.
+/// A slit of width w lets out up to this many times w P / A of the light of a patch with perimeter P and area A.
+///
+/// Slits along all of its border take w P / A, more distant ones less.
 const SLITS: f64 = 8.0;
 
 /// Decides whether light leaves a scene, and which of its rows sum to 1.

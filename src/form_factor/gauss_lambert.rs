@@ -135,7 +135,9 @@ struct Division<'a, F> {
     rule: &'a GaussProduct,
     factor: &'a F,
     parts: Vec<Part>,
-    /// The parts that may still be cut: the integral's possible error, as an exponent of 2, and the part's number. The order of cutting decides between equal doubts, and
+    /// The parts that may still be cut: the integral's possible error, as an exponent of 2, and the part's number.
+    ///
+    /// The order of cutting decides between equal doubts, and
     /// nearly equal ones count as equal, so that rounding does not decide in a scene that has been moved.
     open: BinaryHeap<(i32, Reverse<usize>)>,
     integral: f64,

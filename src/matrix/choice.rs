@@ -7,7 +7,9 @@ use serde::Serialize;
 
 use crate::ranks::Ranks;
 
-/// The share of non-zero entries from which a tile is stored in full, rows as well as squares. At a half, entries alone take 0.53 of the memory and 0.6 to 0.7 of the time of a pass where they lie in runs,
+/// The share of non-zero entries from which a tile is stored in full, rows as well as squares.
+///
+/// At a half, entries alone take 0.53 of the memory and 0.6 to 0.7 of the time of a pass where they lie in runs,
 /// 0.8 to 1.0 where they do not (three channels: 0.75 to 0.9 and 1.1); in a cache rows take 1.0 to 1.3 times as long, and sweeps by rows of squares take 2.0 to 2.3 times as long
 /// (f32, AVX-512; `cargo bench --bench matrix -- f32 1/2`, with 1536 for a cache).
 const DENSE_FROM: f64 = 0.5;

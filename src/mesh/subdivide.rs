@@ -35,7 +35,9 @@ pub enum Subdivision {
 pub struct MeshOptions {
     /// The fineness of the subdivision.
     pub subdivision: Subdivision,
-    /// True if faces are cut at the [contact edges](ContactEdges) on them. Then no light leaks under a wall, and the covered part of a floor does not count as lit.
+    /// True if faces are cut at the [contact edges](ContactEdges) on them.
+    ///
+    /// Then no light leaks under a wall, and the covered part of a floor does not count as lit.
     /// Contact edges cut a face into triangles and convex quads, and these are cut as `subdivision` says: [`Uniform`](Subdivision::Uniform) into patches about as long as those of the whole face.
     /// Faces without contact edges, or with some along their borders alone, are cut as if this were false.
     ///

@@ -167,7 +167,9 @@ impl ByComponent {
 }
 
 /// The vectors z_K = ρ^½ on component K, 0 elsewhere (an even irradiance on K), with K z_K of the symmetric matrix
-/// K = I − diag(ρ)^½ F diag(ρ)^½. Light does not pass between components, so that ⟨z_K, K z_L⟩ = 0 for K ≠ L.
+/// K = I − diag(ρ)^½ F diag(ρ)^½.
+///
+/// Light does not pass between components, so that ⟨z_K, K z_L⟩ = 0 for K ≠ L.
 pub(super) struct Deflation {
     by_component: ByComponent,
     z: Block,

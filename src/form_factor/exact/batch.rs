@@ -42,6 +42,7 @@ const CLASSIFIED_AT_ONCE: Duration = Duration::from_secs(1);
 const PAIR_BYTE: u64 = 48;
 
 /// Returns the pairs that bring a batch to its end.
+///
 /// They depend on the scene alone: where a batch ends decides which corners its tables are computed from, and so the last bits of entries.
 fn pairs_per_batch(n: usize) -> usize {
     ROWS_PER_BATCH

@@ -7,6 +7,7 @@ use crate::geometry::polygon_form_factor::Tolerance;
 use crate::setting::{Kind, Setting, Value};
 
 /// Exchange areas to a tolerance: the kernel of unoccluded polygons for fully visible pairs, clipping against the occluders for partially visible ones.
+///
 /// A_i F_ij = ∫_{A_i} ∫_{A_j} V cos θ_i cos θ_j / (π r²) dA_j dA_i in m², computed once for each pair and stored symmetric. The part of a patch
 /// behind the other's plane takes no part; patches of one plane or back to back exchange exactly 0. A face sees on the side of its normal and
 /// occludes on both; two coincident faces of opposite winding are a double-sided sheet.

@@ -21,7 +21,9 @@ use crate::matrix::transpose::{Pair, RowBlock};
 pub enum Weighting {
     /// Each counts half.
     Plain,
-    /// Each counts by the inverse of its variance. Between two rows of rays the variances are a A_i / N_i and a A_j / N_j
+    /// Each counts by the inverse of its variance.
+    ///
+    /// Between two rows of rays the variances are a A_i / N_i and a A_j / N_j
     /// for the same true exchange area a (up to 1 − F), so the weights are N_i / A_i and N_j / A_j: weights from the counts
     /// themselves would favour the estimate that happens to be smaller. Otherwise the weights are those of the standard errors,
     /// where both are known; where not, each counts half.
