@@ -4,38 +4,44 @@ use super::{At, Audit, Law, Worst};
 use crate::form_factor::Reciprocity;
 use crate::matrix::{Closed, DiskError, FormFactors, Precision, RowBlock, RowTally};
 
-/// Standard deviations that a count of rays may be off. With the same number of rays on top, a Poisson variable of any mean goes further by
+/// Standard deviations that a count of rays may be off.
+///
+/// With the same number of rays on top, a Poisson variable of any mean goes further by
 /// chance less than once in 10^13, and so in a matrix of 10^10 pairs less than once in a thousand runs.
 const SIGMAS: f64 = 8.0;
 
-/// An estimate of an error comes from a coarser rule, and may be below the error; twice the estimate seldom is.
+/// The multiple of a stated error that is accepted: an estimate by a coarser rule may be below the error; twice the estimate seldom is.
 const ESTIMATES: f64 = 2.0;
 
-/// How far above all light a pair or a row may be because a rule says that it is off by so much. Were the statement believed to any extent, the worse a rule
-/// the more would pass; noise beyond this has to be that of independent entries.
+/// The most by which a pair or a row may exceed all light because of a rule's stated error.
+///
+/// If any stated error were accepted, a worse rule would pass more easily; noise beyond this has to be that of independent entries.
 const BELIEVED: f64 = 1e-3;
 
-/// How far off a row may sum to whose errors are not known.
+/// The greatest error of the sum of a row whose errors are not known.
 const UNKNOWN: f64 = 0.1;
 
-/// Rays of a patch that may slip out of a closed scene through the joint between two faces. One in a million does, as on a ground of 150,000 triangles: more than two of one patch, of some hundred rays, by chance
-/// less than once in 10^8 rows.
+/// The most rays of a patch that may slip out of a closed scene through the joint between two faces.
+///
+/// One in a million does, as on a ground of 150,000 triangles: more than two of one patch, of some hundred rays, by chance less than once in 10^8 rows.
 const MAX_SLIPPED: u64 = 2;
 
-/// The claims of form factors beside their errors.
+/// The guarantees of form factors beside their errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Claims<'a> {
     /// The rows that sum to 1.
     pub closed: Closed<'a>,
-    /// By how much rows that sum to 1 may fall short, as light may leave through gaps, \[n\]: see [`Enclosed::may_escape`](crate::form_factor::Enclosed::may_escape). Empty if by nothing.
+    /// The most by which rows that sum to 1 may fall short, as light may leave through gaps, \[n\].
+    ///
+    /// See [`Enclosed::may_escape`](crate::form_factor::Enclosed::may_escape). Empty if no light may leave.
     pub may_escape: &'a [f64],
-    /// How far the method that they come from keeps reciprocity.
+    /// The reciprocity of the method that computed them.
     pub reciprocity: Reciprocity,
-    /// True if the entries have errors and the rows their tallies; else what rests on them is not checked.
+    /// True if the entries have errors and the rows their tallies; otherwise the checks that use these are skipped.
     pub errors_known: bool,
     /// The effect of a repair on the row sums.
     pub repair: Repair,
-    /// True if errors are those of a rule of quadrature, which nothing keeps from giving a pair or a row more than all light
+    /// True if errors are those of a quadrature rule, by which a pair or a row may exceed all light
     /// (see [`FormFactorMethod::errs_by_rule`](crate::form_factor::FormFactorMethod::errs_by_rule)).
     pub by_rule: bool,
 }
@@ -46,10 +52,12 @@ pub enum Repair {
     /// There was none.
     #[default]
     Not,
-    /// Rows that are known to sum to 1 do so within this. What the others lose was counted by their own rays alone and has given way: the sum of an open row is
-    /// off from that count by the noise of both.
+    /// Rows that are known to sum to 1 do so within this.
+    ///
+    /// The losses of the other rows were counted by their own rays alone and have been changed: the sum of an open row differs
+    /// from that count by the noise of both.
     Within(f64),
-    /// It gave up before, and rows are off by the noise of what they were made from.
+    /// It stopped before that, and rows are off by the noise of their sources.
     GaveUp,
 }
 
@@ -58,11 +66,11 @@ pub enum Repair {
 pub struct FormFactorAudit {
     /// The laws.
     pub audit: Audit,
-    /// Σ_j (A_j F_ji − A_i F_ij), m², \[n\]: the power that form factors make out of a radiosity of 1 of patch i, less than 0 where they lose it.
+    /// Σ_j (A_j F_ji − A_i F_ij), m², \[n\]: the power that form factors create from a radiosity of 1 of patch i; negative where they lose power.
     pub gain: Vec<f64>,
 }
 
-/// The laws of some rows.
+/// The checks of some rows.
 #[derive(Clone, Default)]
 struct Found {
     sign: Worst,
@@ -74,7 +82,7 @@ struct Found {
 }
 
 impl Found {
-    /// Returns both together, `later` being of later rows.
+    /// Returns the checks of both sets of rows; `later` has the later rows.
     fn and(mut self, later: &Self) -> Self {
         self.gain.extend(&later.gain);
         let [sign, exchange, reciprocity, closure, row_sum] = later.worst();
@@ -107,9 +115,9 @@ impl Found {
 
 /// Checks signs, bounds, reciprocity and row sums; one pass over F and its transpose.
 ///
-/// Errors are those of the entries, where the method states any, and where rays were counted the deviations of counts. Rounding is
-/// counted with n + 8 units in the last place of what is stored. Below what a law says, twice the stated error is believed whatever it is; above all light, where no
-/// light can be, no more of it than 0.001, or 8 standard deviations of a sum of independent entries if the errors are not those of a rule.
+/// Errors are those of the entries, where the method states any, and where rays were counted the deviations of counts. Rounding counts
+/// as n + 8 units in the last place of the storage. Below the value of a law, twice the stated error is accepted, however large it is. Above all light, which is
+/// impossible, at most 0.001 of it is accepted, or 8 standard deviations of a sum of independent entries if the errors are not those of a rule.
 /// Source: Baranoski, Bramley and Shirley 1995, section 2, for closure and reciprocity. Departures: none.
 ///
 /// # Errors
@@ -207,8 +215,9 @@ fn rows_of(factors: &FormFactors, claims: Claims<'_>, block: &RowBlock<'_>) -> F
     found
 }
 
-/// Finds rows that are claimed to sum to 1 and are off by more than twice their stated error and their noise, \[n\]: what a rule states to be off, scaling
-/// mends, but nothing that is known of these rows is a reason to scale them to 1. Rows whose errors are not known are believed to be off by 0.1.
+/// Finds rows that are claimed to sum to 1 and are off by more than twice their stated error and their noise, \[n\].
+///
+/// Scaling removes the stated error of a rule, but these rows give no reason to be scaled to 1. Rows whose errors are not known may be off by 0.1.
 ///
 /// # Errors
 /// [`DiskError`] if the form factors cannot be read.
@@ -226,7 +235,7 @@ pub fn doubted_rows(factors: &FormFactors, claims: Claims<'_>) -> Result<Vec<boo
         if !claims.errors_known {
             return [f64::from((row.value - 1.0).abs() > UNKNOWN)];
         }
-        // Above 1, too, all of a stated error is believed.
+        // Above 1, too, all of a stated error is accepted.
         let is_off = |excess: f64| excess.abs() > row_error(factors, i, &row, claims, false);
         [f64::from(excess(factors, claims, i, &row).is_some_and(is_off))]
     };
@@ -234,7 +243,7 @@ pub fn doubted_rows(factors: &FormFactors, claims: Claims<'_>) -> Result<Vec<boo
     factors.if_readable(rows.map(|[doubted]| doubted > 0.0).collect())
 }
 
-/// Returns how far the sum of a row is above 1 less what is known to be lost; `None` where that is not known.
+/// Returns the sum of a row less its expected value, 1 less the known loss; `None` where the loss is unknown.
 fn excess(factors: &FormFactors, claims: Claims<'_>, i: usize, row: &Sums) -> Option<f64> {
     let lost = factors.lost(i, claims.closed).filter(|_| claims.errors_known);
     lost.map(|lost| row.value - (1.0 - lost))
@@ -257,7 +266,7 @@ impl Sums {
     }
 }
 
-/// Returns one unit in the last place of what is stored.
+/// Returns one unit in the last place of the stored numbers.
 fn unit(factors: &FormFactors) -> f64 {
     match factors.storage().precision {
         Precision::F32 => f64::from(f32::EPSILON),
@@ -265,7 +274,7 @@ fn unit(factors: &FormFactors) -> f64 {
     }
 }
 
-/// Returns how far the sum of a row may be off, above what it should be or below.
+/// Returns the greatest possible error of the sum of a row, above its expected value or below.
 fn row_error(factors: &FormFactors, i: usize, row: &Sums, claims: Claims<'_>, is_above: bool) -> f64 {
     let rounding = (factors.n_rows() as f64 + 8.0) * unit(factors);
     let is_closed = claims.closed.row(i);
@@ -289,9 +298,9 @@ fn beside_rounding(tally: &RowTally, row: &Sums, claims: Claims<'_>, (is_closed,
     };
     let stated = match (tally.n_rays, claims.reciprocity) {
         (0, _) => stated,
-        // What is off in a sum of counts is told by the counts together, not by the noise of each.
+        // The error of a sum of counts follows from the counts together, not from the noise of each.
         (_, Reciprocity::ToNoise) => 0.0,
-        // Points that stand for a patch see of what is lost what they see of the rest: it is off by as much again.
+        // Points that stand for a patch have the same error in the loss as in the rest.
         _ => 2.0 * stated,
     };
     let n_rays = tally.effective_rays().unwrap_or(tally.n_rays as f64);
@@ -309,13 +318,13 @@ fn beside_rounding(tally: &RowTally, row: &Sums, claims: Claims<'_>, (is_closed,
     }
 }
 
-/// Returns how much of stated errors is believed of a pair or a row that is above `most`.
+/// Returns the accepted part of the stated errors of a pair or a row that is above `most`.
 fn believed(sum: f64, sum_squared: f64, most: f64, by_rule: bool) -> f64 {
     let of_noise = if by_rule { 0.0 } else { SIGMAS * sum_squared.sqrt() };
     (ESTIMATES * sum).min(of_noise.max(BELIEVED * most))
 }
 
-/// Returns how far the difference of two counts with the mean area `exchange` may be off, where a ray stands for the areas `a` and `b`.
+/// Returns the greatest likely difference of two counts with the mean area `exchange`, where a ray stands for the areas `a` and `b`.
 fn noise(exchange: f64, a: f64, b: f64) -> f64 {
     SIGMAS * ((exchange * (a + b)).sqrt() + a + b)
 }

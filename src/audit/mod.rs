@@ -1,24 +1,27 @@
-//! Conservation checks: what results must obey, checked after every run.
+//! Conservation checks of results, made after every run.
 //!
-//! A law is checked against what the result itself claims: the errors of its form factors, the residual of its solution. Nothing is believed because it was
-//! computed: every number that is compared is calculated again from what is handed out. A law that a result does not promise is not checked, and the
-//! audit says why.
+//! A law is checked against the guarantees of the result itself: the errors of its form factors, the residual of its solution. Computed values are not trusted:
+//! every compared number is calculated again from the returned results. A law that a result does not guarantee is not checked, and the
+//! audit states why.
 //!
 //! | law | of | holds within |
 //! |---|---|---|
 //! | [`Law::Sign`]: F_ij ≥ 0 | form factors | 0 |
 //! | [`Law::Exchange`]: A_i F_ij ≤ min(A_i, A_j) | form factors | twice the entry's error, of a rule at most 0.001; or 8 standard deviations of counts of rays |
 //! | [`Law::Reciprocity`]: A_i F_ij = A_j F_ji | form factors | rounding, or 8 standard deviations of counts of rays |
-//! | [`Law::Closure`]: Σ_j F_ij = 1 less what escapes | form factors | twice the sum of the row's errors; rounding where rays were counted; after a repair, what it left of rows that are known to sum to 1, and 8 standard deviations of the others; below 1 also what may leave through gaps of a closed scene |
+//! | [`Law::Closure`]: Σ_j F_ij = 1 less the light that escapes | form factors | twice the sum of the row's errors; rounding where rays were counted; repairs and gaps: below |
 //! | [`Law::RowSum`]: Σ_j F_ij ≤ 1 | form factors | the same |
 //! | both, where a row is above | form factors | of errors of a rule at most 0.001, of others 8 standard deviations of independent entries |
-//! | [`Law::Finite`]: numbers, none below 0 where nothing emits less | radiosities, irradiances | 0; what the stated residual allows |
+//! | [`Law::Finite`]: finite, and not negative where no exitance is | radiosities, irradiances | 0; the error that the stated residual allows |
 //! | [`Law::Irradiance`]: H = F B | solutions | rounding |
-//! | [`Law::Residual`]: r is what the solver says | solutions | rounding |
-//! | [`Law::Energy`]: emitted = absorbed + escaped | solutions | what the stated residual allows |
-//! | [`Law::LeastRadiosity`], [`Law::GreatestRadiosity`] | solutions | what the stated residual allows |
+//! | [`Law::Residual`]: r is at most the stated residual | solutions | rounding |
+//! | [`Law::Energy`]: emitted = absorbed + escaped | solutions | the error that the stated residual allows |
+//! | [`Law::LeastRadiosity`], [`Law::GreatestRadiosity`] | solutions | the error that the stated residual allows |
 //! | [`Law::Sides`]: no light passes a closed surface | links of voxels | 0 |
 //! | [`Law::Picture`]: pixels are finite and not negative | pictures | 0 |
+//!
+//! After a repair, closure holds within the tolerance of the repair in rows that are known to sum to 1, and within 8 standard deviations in the others.
+//! In a closed scene with gaps, a row may also fall short of 1 by the light that may leave through these.
 
 mod form_factors;
 mod solution;
@@ -66,7 +69,7 @@ pub enum Law {
 }
 
 impl Law {
-    /// Returns what the law says, in words.
+    /// Returns the statement of the law, in words.
     #[must_use]
     pub fn statement(self) -> &'static str {
         match self {
@@ -184,13 +187,13 @@ impl Audit {
         self.checks.iter().filter(|check| !check.passed)
     }
 
-    /// Returns what was found about a law, if it was checked.
+    /// Returns the check of a law, if it was made.
     #[must_use]
     pub fn check(&self, law: Law) -> Option<&Check> {
         self.checks.iter().find(|check| check.law == law)
     }
 
-    /// Adds what another audit found.
+    /// Adds the checks of another audit.
     pub fn extend(&mut self, other: Self) {
         self.checks.extend(other.checks);
         self.not_checked.extend(other.not_checked);
@@ -221,9 +224,9 @@ impl Audit {
     }
 }
 
-/// Checks a picture: what shows light is finite and not negative.
+/// Checks a picture: the layers of light are finite and not negative.
 ///
-/// Looks at the layers that are light ([`Layer::is_light`](crate::render::Layer::is_light)). Departures: none.
+/// These are the layers of [`Layer::is_light`](crate::render::Layer::is_light). Departures: none.
 #[must_use]
 pub fn picture(image: &Image) -> Audit {
     let mut worst = Worst::default();
@@ -244,7 +247,7 @@ pub fn picture(image: &Image) -> Audit {
     }
 }
 
-/// Where something was looked at.
+/// The place of a check.
 #[derive(Clone, Copy, Debug, Default)]
 struct At {
     patch: Option<usize>,
@@ -280,18 +283,18 @@ impl At {
 struct Worst {
     n_checked: u64,
     n_violations: u64,
-    /// The deviation by what is allowed.
+    /// The deviation over the allowed one.
     ratio: f64,
     deviation: f64,
     allowed: f64,
     at: At,
 }
 
-/// Deviations below this part of the worst are told from it in spite of rounding.
+/// The part of the worst deviation below which others are less in spite of rounding.
 const NOT_WORST: f64 = 1.0 - 1e-14;
 
 impl Worst {
-    /// How many [`numbers`](Self::numbers) there are.
+    /// The number of [`numbers`](Self::numbers).
     const N_NUMBERS: usize = 8;
 
     /// Returns it as numbers, for other ranks.
@@ -318,7 +321,7 @@ impl Worst {
         }
     }
 
-    /// Takes in one place; what is not a number breaks every law.
+    /// Adds one place; NaN breaks every law.
     #[inline]
     fn see(&mut self, deviation: f64, allowed: f64, at: At) {
         // Most places are far from the worst, and take no division.
@@ -331,7 +334,7 @@ impl Worst {
         }
     }
 
-    /// Takes in one place, judged in units of `unit` and reported in the law's own: what is far from 1 there must neither overflow nor vanish.
+    /// Adds one place, judged in units of `unit` and reported in the law's own: numbers far from 1 there must neither overflow nor vanish.
     fn see_in(&mut self, unit: f64, deviation: f64, allowed: f64, at: At) {
         let broken = deviation.is_nan() || allowed.is_nan() || deviation > allowed;
         let ratio = match (broken, deviation > 0.0) {
@@ -355,7 +358,7 @@ impl Worst {
         *self = self.and(found);
     }
 
-    /// Returns both together; of equals the first is kept, but for the greater deviation.
+    /// Returns both together; of equal ones the first is kept, but with the greater deviation.
     fn and(self, later: Self) -> Self {
         let (n_checked, n_violations) = (self.n_checked + later.n_checked, self.n_violations + later.n_violations);
         let is_worse = (later.ratio, later.deviation) > (self.ratio, self.deviation);

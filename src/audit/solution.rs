@@ -8,19 +8,23 @@ use crate::solver::{RadiositySystem, Solution, SolverError};
 /// The input of an audit beside a system and its solution.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Given<'a> {
-    /// The power that form factors without reciprocity make, m²; see [`FormFactorAudit::gain`](super::FormFactorAudit::gain). `None` where it is not known.
+    /// The power that form factors without reciprocity create, m²; `None` where it is not known.
+    ///
+    /// See [`FormFactorAudit::gain`](super::FormFactorAudit::gain).
     pub gain: Option<&'a [f64]>,
-    /// True if a pass over F costs so much, as when it computes F again, that none is spent on an audit.
+    /// True if the audit must not make a pass over F because of its cost, as where it computes F again.
     pub costly: bool,
 }
 
-/// Checks that a solution is finite, that its irradiances and residual are what it says, that power is conserved, and that no patch is darker or brighter than the
-/// patches of the scene would be in furnaces of their own; one pass over F.
+/// Checks a solution: its values, its irradiances and residual, the power balance, and bounds; one pass over F.
+///
+/// It is to be finite, its irradiances and residual are to be those stated, power is to be conserved, and no patch may be darker or brighter than
+/// the patches of the scene would be in furnaces of their own.
 ///
 /// With R = max |r_i A_i| as the solver states it, min_i (E_i − R / A_i) / (1 − ρ_i s_i) ≤ B ≤ max_i (E_i + R / A_i) / (1 − ρ_i s_i), s_i = Σ_j F_ij: for the
 /// constant m on the right, (I − diag(ρ) F)(m − B) ≥ 0, and the inverse is not negative; in the same way for the one on the left. Energy:
 /// |emitted − absorbed − escaped + Σ_i B_i g_i| = |Σ A r| ≤ sqrt(Σ A) sqrt(Σ A r²), with g the gain of form factors without reciprocity.
-/// All of it is judged in units of each channel's greatest exitance and of the greatest area, so that no light is too bright or too dim for the arithmetic.
+/// All is judged in units of each channel's greatest exitance and of the greatest area, so that no light is too bright or too dim for the arithmetic.
 /// Source: Berman and Plemmons, "Nonnegative Matrices in the Mathematical Sciences", chapter 6, theorem 2.3. Departures: none.
 ///
 /// # Errors
@@ -89,7 +93,7 @@ pub fn solution(system: &RadiositySystem, solution: &Solution, given: Given<'_>)
     Ok(audit)
 }
 
-/// Checks radiosities that were propagated from B = E: they are finite, none is below its exitance, and none above that of the brightest furnace.
+/// Checks radiosities that were propagated from B = E: they are finite, at least the exitance, and at most that of the brightest furnace.
 ///
 /// Whatever the number of passes, E ≤ B ≤ max_i E_i / (1 − ρ_i s_i), because F is not negative.
 /// `reflectance`, `exitance`, `radiosity`, `irradiance`: ρ, E, B, H, \[n, c\]; `row_sums`: s_i, \[n\].
@@ -134,7 +138,7 @@ pub fn propagation(
 
 /// Checks that no light passes between regions of air that surfaces close off from each other.
 ///
-/// `leak_power`: what passes, W, \[c\].
+/// `leak_power`: the power that passes, W, \[c\].
 #[must_use]
 pub fn sides(leak_power: &[f64]) -> Audit {
     let mut worst = Worst::default();
@@ -166,7 +170,7 @@ impl Reflecting<'_> {
         })
     }
 
-    /// Returns how far below 0 the residuals `slack` can leave a radiosity, in solutions of light.
+    /// Returns how far below 0 the residuals `slack` can bring a radiosity, in solutions of light.
     fn below_zero(&self, slack: impl Fn(usize, usize) -> f64, c: usize) -> f64 {
         let n = self.row_sums.len();
         let most = (0..n).map(|i| slack(i, c)).fold(0.0, f64::max);
@@ -181,8 +185,9 @@ struct Units {
     area: f64,
 }
 
-/// Returns the power of two at or below the greatest of some values: a unit in which rounding stays what it is. Between the ends of what f64 holds, so
-/// that its inverse is a number too.
+/// Returns the power of two at or below the greatest of some values: a unit in which rounding does not change.
+///
+/// It is within the range of f64, so that its inverse is a number too.
 fn unit_of(greatest: f64) -> f64 {
     if greatest.is_finite() && greatest > 0.0 {
         greatest.log2().floor().clamp(-1000.0, 1000.0).exp2()
@@ -226,12 +231,12 @@ struct Scaled<'a> {
     units: Units,
 }
 
-/// Returns what the sums of a pass can be off by, relative to their terms; see the operator of [`FormFactors`](crate::matrix::FormFactors).
+/// Returns the possible rounding of the sums of a pass, relative to their terms; see the operator of [`FormFactors`](crate::matrix::FormFactors).
 fn rounding(n: usize) -> f64 {
     roundings(n) * f64::EPSILON
 }
 
-/// Returns the places of a block in its own order.
+/// Returns the places of a block in storage order.
 fn places(block: &Block) -> impl Iterator<Item = (At, usize, usize)> {
     let n_channels = block.n_channels();
     (0..block.values().len()).map(move |k| {
@@ -240,7 +245,9 @@ fn places(block: &Block) -> impl Iterator<Item = (At, usize, usize)> {
     })
 }
 
-/// Checks blocks of light, each with a factor to `below_zero`, which tells how far below 0 a radiosity may be in a channel; `None` where light has signs.
+/// Checks blocks of light, each with a factor to `below_zero`.
+///
+/// That returns how far below 0 a radiosity may be in a channel; `None` where light has signs.
 fn light(blocks: &[(&Block, f64)], units: &[f64], below_zero: Option<&dyn Fn(usize) -> f64>) -> super::Check {
     let mut worst = Worst::default();
     let allowed: Vec<f64> = (0..units.len()).map(|c| below_zero.map_or(0.0, |f| f(c))).collect();
@@ -264,7 +271,7 @@ impl Scaled<'_> {
         let mut worst = Worst::default();
         for (at, i, c) in places(f_b) {
             let unit = self.units.light[c];
-            // What is handed out may be too dim for all of its digits.
+            // The returned value may be too dim for all of its digits.
             let grain = f64::from_bits(1) / unit;
             let expected = f_b.row(i)[c];
             let deviation = (self.irradiance.row(i)[c] - expected).abs();
@@ -294,7 +301,7 @@ impl Scaled<'_> {
         worst.check(Law::Residual)
     }
 
-    /// Checks the power that the solution states, unless no number holds it.
+    /// Checks the stated power of the solution, unless it is out of the range of numbers.
     fn energy(&self, solution: &Solution, gain: &[f64]) -> Option<super::Check> {
         let unit = rounding(self.system.n_patches());
         let area_unit = self.units.area;
@@ -325,7 +332,7 @@ impl Scaled<'_> {
     }
 }
 
-/// Adds the checks against the darkest (if `least`) and the brightest furnace; `slack` is what |r_i| can be in a channel.
+/// Adds the checks against the darkest (if `least`) and the brightest furnace; `slack` is the greatest |r_i| in a channel.
 fn furnaces(audit: &mut Audit, given: &Reflecting<'_>, b: &Block, slack: impl Fn(usize, usize) -> f64, least: bool) {
     let (mut below, mut above) = (Worst::default(), Worst::default());
     let unit = rounding(b.n_rows());

@@ -6,7 +6,7 @@ use std::ptr::NonNull;
 use super::error::{EmbreeError, Version};
 use super::ffi;
 
-/// One thread builds: the tree, and with it which face wins a tie at a shared edge, must not depend on how many there are.
+/// One thread builds: the tree, and with it the face that wins a tie at a shared edge, must not depend on the number of threads.
 const CONFIG: &CStr = c"threads=1";
 
 /// An Embree device: the library, ready for use on this CPU.
@@ -22,15 +22,15 @@ unsafe impl Send for Device {}
 unsafe impl Sync for Device {}
 
 impl Device {
-    /// Opens Embree, and makes sure that the library is the one that this crate was compiled for.
+    /// Opens Embree, and checks that the library is the one that this crate was compiled for.
     ///
     /// The versions must be equal, and one trial ray in each kind of packet must leave the bytes behind the packet alone:
     /// a build option of Embree changes the layout of hits without changing the version.
     ///
     /// # Errors
     ///
-    /// [`EmbreeError::VersionMismatch`], [`EmbreeError::LayoutMismatch`], [`EmbreeError::UnsupportedCpu`], or what Embree
-    /// reports.
+    /// [`EmbreeError::VersionMismatch`], [`EmbreeError::LayoutMismatch`], [`EmbreeError::UnsupportedCpu`], or an error of
+    /// Embree.
     pub fn new() -> Result<Self, EmbreeError> {
         let device = Self::open(CONFIG)?;
         // SAFETY: the function only returns a constant.
@@ -49,7 +49,7 @@ impl Device {
         Ok(device)
     }
 
-    /// Opens Embree with a configuration string of its own.
+    /// Opens Embree with the given configuration string.
     fn open(config: &CStr) -> Result<Self, EmbreeError> {
         let mut error = ffi::radiosity_error::NONE;
         // SAFETY: `config` ends with a zero byte, and both arguments are valid for the call.
@@ -69,7 +69,7 @@ impl Device {
         Version::from_number(unsafe { ffi::radiosity_device_version(self.handle.as_ptr()) })
     }
 
-    /// Returns how many rays the device traces at once: 16, 8, 4 or 1, whatever is the widest native packet.
+    /// Returns the number of rays that the device traces at once, the width of the widest native packet: 16, 8, 4 or 1.
     #[must_use]
     pub fn packet_width(&self) -> u32 {
         // SAFETY: the handle is valid for as long as `self` lives.

@@ -4,7 +4,7 @@ use std::ffi::CStr;
 
 use super::ffi;
 
-/// Why Embree cannot serve.
+/// Why Embree cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum EmbreeError {
@@ -19,13 +19,13 @@ pub enum EmbreeError {
     /// The library writes beyond the structs that its headers declare.
     #[error("the Embree library writes {n_bytes} bytes beyond its headers' structs: library and headers do not fit")]
     LayoutMismatch {
-        /// How many bytes of the canaries behind the structs were overwritten by one query of each kind.
+        /// The number of canary bytes behind the structs that one query of each kind overwrote.
         n_bytes: usize,
     },
     /// The CPU lacks what the library needs.
     #[error("Embree does not support this CPU: {message}")]
     UnsupportedCpu {
-        /// Embree's words.
+        /// Embree's message.
         message: String,
     },
     /// There is not enough memory for the scene.
@@ -33,25 +33,25 @@ pub enum EmbreeError {
         "the ray tracer (Embree) is out of memory: {message}; raise the limit of the process (`ulimit -v`), free memory, or split the scene"
     )]
     OutOfMemory {
-        /// Embree's words.
+        /// Embree's message.
         message: String,
     },
-    /// Embree refused an argument or an operation, was cancelled, or met something that it does not explain.
+    /// Embree refused an argument or an operation, was cancelled, or failed without an explanation.
     #[error("Embree failed with error {code}: {message}")]
     Failed {
         /// The `RTCError`.
         code: i32,
-        /// Embree's words.
+        /// Embree's message.
         message: String,
     },
     /// There are more faces, vertices or triangles than 31 bits can count.
     #[error("{n} {what} are too many: at most {limit} can be told apart")]
     TooMany {
-        /// The things of which there are too many.
+        /// The items of which there are too many.
         what: &'static str,
         /// The number (of a face: its id plus one).
         n: u64,
-        /// The largest number that is possible.
+        /// The largest possible number.
         limit: u64,
     },
     /// A face has a corner that does not exist.

@@ -32,7 +32,7 @@
 //!   that are compiled in C, and compared with the library when a [`Device`] is opened, cannot disagree like that;
 //! - it hands the configuration string to C without the zero at its end, copies (and drops) the user's object in the
 //!   callbacks of user geometry, and checks no index;
-//! - it asks for the device's error after every ray, has no occlusion queries, and traces one ray at a time: packets of
+//! - it reads the device's error after every ray, has no occlusion queries, and traces one ray at a time: packets of
 //!   sixteen are faster for bundles that go from patch to patch.
 //!
 //! Rates: `docs/performance.md`.

@@ -11,7 +11,7 @@ const _: () = assert!(
 );
 
 impl CommittedScene {
-    /// Finds the first face along each ray, as [`Visibility::closest_hits`](crate::visibility::Visibility::closest_hits) says, but for coincident faces: there, either may be reported.
+    /// Finds the first face along each ray, as [`Visibility::closest_hits`](crate::visibility::Visibility::closest_hits) does, but reports either of two coincident faces.
     ///
     /// A ray with a coordinate that is not finite hits nothing. After a miss, `t` is the ray's end, `u` and `v` are 0.
     /// Equal batches give equal answers. Which of two faces wins on their common edge may depend on the ray's neighbours
@@ -48,7 +48,7 @@ impl CommittedScene {
 
     /// Returns for each ray whether any face lies between its origin and its end.
     ///
-    /// A ray with a coordinate that is not finite is not blocked.
+    /// A ray with a coordinate that is not finite is not occluded.
     ///
     /// # Panics
     ///

@@ -6,7 +6,7 @@ use super::device::Device;
 use super::error::EmbreeError;
 use super::ffi;
 
-/// Coordinates from here on make Embree drop a face without a word.
+/// The coordinate from which on Embree drops a face without a message.
 const LARGEST_COORDINATE: f32 = 1.8e18;
 
 /// A face code is 2 · face + side, and the largest code means a miss.
@@ -14,7 +14,7 @@ const LARGEST_FACE: u32 = (u32::MAX >> 1) - 1;
 
 const _: () = assert!(2 * LARGEST_FACE + 1 < ffi::RADIOSITY_MISS);
 
-/// Gathers the faces of a scene; [`SceneBuilder::commit`] turns it into one that can be queried.
+/// Gathers the faces of a scene; [`SceneBuilder::commit`] makes it ready for queries.
 #[derive(Clone, Debug)]
 pub struct SceneBuilder {
     vertices: Vec<[f32; 3]>,
@@ -24,7 +24,7 @@ pub struct SceneBuilder {
     faces_of_quads: Vec<u32>,
 }
 
-/// A scene that answers queries, from many threads at once. Queries are in [`CommittedScene::closest_hits`] and [`CommittedScene::occluded`].
+/// A scene that answers queries from many threads at once: [`CommittedScene::closest_hits`] and [`CommittedScene::occluded`].
 #[derive(Debug)]
 pub struct CommittedScene {
     handle: NonNull<ffi::radiosity_scene>,
@@ -38,7 +38,7 @@ unsafe impl Sync for CommittedScene {}
 impl SceneBuilder {
     /// Begins a scene with the vertices that its faces share.
     ///
-    /// Faces that name the same vertex share it bit for bit: this is what keeps their common edge tight.
+    /// Faces that name the same vertex share it bit for bit, which keeps their common edge tight.
     ///
     /// # Errors
     ///
@@ -88,7 +88,7 @@ impl SceneBuilder {
     ///
     /// # Errors
     ///
-    /// [`EmbreeError::OutOfMemory`], [`EmbreeError::TooMany`], or what Embree reports.
+    /// [`EmbreeError::OutOfMemory`], [`EmbreeError::TooMany`], or an error of Embree.
     pub fn commit(self, device: &Device) -> Result<CommittedScene, EmbreeError> {
         self.commit_for_packets(device, device.packet_width())
     }

@@ -1,4 +1,4 @@
-//! How much of the light of a patch black backs take.
+//! The fraction of the light of each patch that back faces absorb.
 
 mod candidates;
 
@@ -19,7 +19,7 @@ use crate::visibility::occluders::{OccluderId, OccluderIndex, PairVisibility};
 use candidates::{Candidates, Seeing};
 pub(super) use candidates::{Outline, Sheets, places_of_patches};
 
-/// Pairs of patches and backs that are looked at, for all patches together: more are left to rays.
+/// The most pairs of patches and back faces that are listed, for all patches together; rays do the rest.
 const MAX_PAIRS: usize = 1 << 18;
 
 /// The most work on the partially visible pairs of one patch, and of all, in squared counts of occluders; rays do the rest.
@@ -30,7 +30,7 @@ const MAX_WORK_IN_ALL: usize = 1 << 18;
 const TOLERANCE: f64 = 1e-5;
 const BUDGET: usize = 20_000;
 
-/// The remainder of a hidden pair by rounding, as a part of the smaller area.
+/// The exchange area that rounding leaves of a hidden pair, as a part of the smaller area.
 const NOISE: f64 = 1e-15;
 
 /// Rays that take the place of pairs, for all patches together, and the least and the most for each.
@@ -38,9 +38,9 @@ const RAYS: usize = 1 << 24;
 const MIN_RAYS: usize = 256;
 const MAX_RAYS: usize = 1 << 18;
 
-/// Returns the fraction of the light of patches that backs take, \[n\]; 0 of patches that are not `wanted`.
+/// Returns the fraction of the light of each patch that back faces absorb, \[n\]; 0 for patches that are not `wanted`.
 ///
-/// `n_rays` rays are counted from each that may see backs. Without a number pairs of patches and backs are computed where that is little work for a patch, and else rays are counted.
+/// With `n_rays`, so many rays are counted from each patch that may see back faces. Without it, pairs of patches and back faces are computed where that is little work for a patch; elsewhere rays are counted.
 pub(super) fn back_factors(input: Input<'_>, wanted: &[bool], n_rays: Option<usize>) -> Vec<Fraction> {
     let n = input.mesh.n_patches();
     let mut found = vec![Fraction::default(); n];
@@ -84,7 +84,7 @@ pub(super) fn back_factors(input: Input<'_>, wanted: &[bool], n_rays: Option<usi
     found
 }
 
-/// Returns the share of rays that met backs.
+/// Returns the fraction of rays that met back faces.
 fn counted(probe: &Probe) -> Fraction {
     let n = probe.n_rays as f64;
     // Laplace's rule: no count proves that there is nothing.
@@ -96,7 +96,7 @@ fn counted(probe: &Probe) -> Fraction {
     }
 }
 
-/// A patch and a back, with their occluders.
+/// A patch and a back face, with their occluders.
 struct Pair<'a> {
     patch: usize,
     back: &'a [DVec3],
@@ -106,7 +106,7 @@ struct Pair<'a> {
     touched: bool,
 }
 
-/// Exchange areas of patches and backs.
+/// Exchange areas of patches and back faces.
 struct Pairs<'a> {
     input: Input<'a>,
     index: OccluderIndex,
@@ -115,7 +115,7 @@ struct Pairs<'a> {
 }
 
 impl Pairs<'_> {
-    /// Returns the form factor from a patch to backs; `None` if that is more work than its share.
+    /// Returns the form factor from a patch to back faces; `None` if that is more work than its share.
     fn factor<'b>(&self, patch: usize, backs: impl Iterator<Item = &'b [DVec3]>) -> Option<Fraction> {
         let corners = self.input.mesh.polygon(PatchId::from_index(patch));
         let mut work = 0;
@@ -169,7 +169,7 @@ impl Pairs<'_> {
     fn exchange(&self, pair: &Pair<'_>) -> (f64, f64) {
         let corners = self.input.mesh.polygon(PatchId::from_index(pair.patch));
         let area = |polygon: &[DVec3]| polygon::area_vector(polygon).length();
-        // Light that passes the border within the rounding of corners may be hidden: it is at most all that a strip sends out.
+        // Light that passes the border within the rounding of corners may be hidden: at most all light that leaves a strip of that width.
         let rounding = if pair.touched || !pair.among.is_empty() {
             (2.0 * self.index.slack() * (polygon::perimeter(&corners) + polygon::perimeter(pair.back))).min(pair.most)
         } else {

@@ -12,7 +12,7 @@ use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
 use crate::matrix::UpperBounds;
 use crate::mesh::Mesh;
 
-/// Form factors without occluders, to two digits and not below: computed when they are asked for.
+/// Form factors without occluders, rounded up to two digits, and computed when first read.
 #[derive(Debug)]
 pub(crate) struct Unoccluded {
     facing: Facing,
@@ -50,7 +50,7 @@ impl Unoccluded {
         points.iter().map(of_point).sum()
     }
 
-    /// Returns the error of a rule on patch i in an entry that its rays found: how far the rule is from F_ij without occluders, as far as the pair is visible.
+    /// Returns the error of a rule on patch i in an entry that its rays found: its distance from F_ij without occluders, as far as the pair is visible.
     ///
     /// Work: none, and an error of 0, where the rule is good to 1e-3 of F_ij: i lies in front of j's plane, and j is farther away than 3 / q of the radius of i.
     pub(super) fn rule_error(&self, i: usize, j: usize, points: &[WeightedPoint], found: f64) -> f64 {
@@ -73,13 +73,14 @@ impl UpperBounds for Unoccluded {
         self.facing.pair(i, j)
     }
 
-    /// The factor without occluders, or less by the count. Points that see nothing of j leave open what they see too little of without occluders, and the part of the patch
-    /// that as many independent ones miss.
+    /// Returns the factor without occluders, or less by the count.
+    ///
+    /// Points that see too little of j leave open their own error without occluders, and the part of the patch that as many independent points miss.
     fn missed(&self, i: usize, j: usize, by_count: f64) -> f64 {
         let polygons = self.polygons();
         let exact = self.exchange(i, j, 1e-2);
         let most = (exact.value.max(0.0) + exact.error).min(polygons[j].area()) / polygons[i].area();
-        // Not below it after rounding to f32, as errors are stored, either.
+        // Not below it after rounding to f32 either, as errors are stored in f32.
         let most = (most * (1.0 + 1e-6)).clamp(f64::from(f32::MIN_POSITIVE), 1.0);
         let by_points = self.rule.as_ref().map_or(0.0, |rule| {
             let points = rule.on_polygon(polygons[i].corners());

@@ -8,14 +8,14 @@ use crate::mesh::{Patch, PatchId};
 use crate::progress::Progress;
 use crate::setting::{Kind, Setting, Value};
 
-/// The integrand between the centroids, times the areas: the coarsest rule that there is.
+/// The integrand between the centroids, times the areas: the coarsest rule of all.
 ///
 /// A_i F_ij = A_i A_j V cos θ_i cos θ_j / (π r²), V by one ray between the centroids. Symmetric, or with `normalise` divided
 /// by α_i = Σ_j F_ij, so that rows sum to 1: then not symmetric.
 ///
 /// Order: second in the patches' size over their distance; first in the distance where patches touch. Bias: the error of the rule, positive between patches
-/// that touch (0.318 instead of 0.200 for two unit squares at right angles); nothing keeps A_i F_ij below the smaller area, or row sums below 1.
-/// Error of an entry: its distance from the exact form factor without occluders (two digits of it), plus 0.41 of that where something may block, as one
+/// that touch (0.318 instead of 0.200 for two unit squares at right angles); A_i F_ij may exceed the smaller area, and row sums may exceed 1.
+/// Error of an entry: its distance from the exact form factor without occluders (two digits of it), plus 0.41 of that where something may occlude, as one
 /// ray says so little. With `normalise`, the least of three: that, and its part of the row's sum of errors, divided by α_i; that, and the step from the entry
 /// as it was; and the step from the entry to the farther end of [0, 1].
 ///
@@ -78,7 +78,7 @@ impl FormFactorMethod for CentrePoint {
     }
 }
 
-/// Returns F_ij / Σ_k F_ik; rows that see nothing stay as they are, with what the rule states of its zeros.
+/// Returns F_ij / Σ_k F_ik; rows that see nothing stay as they are, with the errors that the rule states of their zeros.
 fn normalised(factors: &FormFactors, storage: StorageChoice) -> Result<FormFactors, FormFactorError> {
     let rows = (0..factors.n_rows()).map(|i| {
         let alpha = factors.row_sum(i);

@@ -73,7 +73,7 @@ impl FormFactorMethod for ClosedForm {
 }
 
 impl ClosedForm {
-    /// Returns the reason why two patches have no closed form: one is no rectangle, or their edges are not parallel.
+    /// Returns why two patches have no closed form: one is no rectangle, or their edges are not parallel.
     fn not_applicable(&self, input: Input<'_>, pair: [usize; 2], corners: &[&[glam::DVec3]]) -> FormFactorError {
         let name = |k: usize| {
             let surface = input.mesh.patches[k].surface;

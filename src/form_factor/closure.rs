@@ -13,7 +13,7 @@ use crate::mesh::PatchId;
 use crate::printable::printable;
 use crate::scene::topology::{Backs, Pieces, Place};
 
-/// How it is decided whether a scene is closed.
+/// How to decide whether a scene is closed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Closure {
     /// By the shape of the scene, and by the rays of the form factors where there are any.
@@ -30,12 +30,13 @@ pub enum Closure {
 pub struct Enclosed {
     /// True if no light leaves the scene.
     pub closed: bool,
-    /// True if that follows from the shape of the scene or was stated, and not from rays that were counted.
+    /// True if that follows from the shape of the scene or was stated, false if it follows from counted rays.
     pub certain: bool,
-    /// The rows that sum to 1, as all light of their patches arrives at fronts, \[n\].
+    /// The rows that sum to 1, as all light of their patches arrives at front faces, \[n\].
     pub rows: Vec<bool>,
-    /// Upper bounds of what may leave all the same, as a fraction of the light of each patch: through joints that are no wider than 1e-8 of a face, and what rays leave open where closure
-    /// was stated, \[n\]; 0 where no face misses another by more than the rounding of the coordinates.
+    /// Upper bounds of the fraction of each patch's light that may leave all the same, \[n\].
+    ///
+    /// It may leave through joints no wider than 1e-8 of a face, and as far as rays leave that open where closure was stated. 0 where no face misses another by more than the rounding of the coordinates.
     pub may_escape: Vec<f64>,
 }
 
@@ -59,7 +60,7 @@ pub struct Leak {
     pub escaped: f64,
 }
 
-/// The fraction of the light of a patch that may leave a scene that is stated to be closed.
+/// The fraction of the light of a patch that may leave a scene stated to be closed.
 pub const MAX_ESCAPED: f64 = 1e-3;
 
 /// Rays that test whether a scene is closed, for all patches together, and the least and the most for each.
@@ -67,19 +68,21 @@ const RAYS: usize = 1 << 24;
 const MIN_RAYS: usize = 256;
 const MAX_RAYS: usize = 4096;
 
-/// No fewer rays show that light leaves: single ones may slip through the joint between two faces.
+/// The fewest rays that show that light leaves: single ones may slip through the joint between two faces.
 const MIN_ESCAPED: u64 = 3;
 
-/// Standard deviations by which a share of rays may be below what escapes.
+/// Standard deviations by which the fraction of rays that escape may lie below the true fraction.
 const SIGMAS: f64 = 8.0;
 
-/// A slit of width w lets out up to this many times w P / A of the light of a patch with perimeter P and area A. Slits along all of its border take w P / A, more distant ones less.
+/// A slit of width w lets out up to this many times w P / A of the light of a patch with perimeter P and area A.
+///
+/// Slits along all of its border take w P / A, more distant ones less.
 const SLITS: f64 = 8.0;
 
 /// Decides whether light leaves a scene, and which of its rows sum to 1.
 ///
 /// `watertight`: see [`is_watertight`](crate::scene::topology::is_watertight). `tallies`: of the rows of form factors, \[n\]. Rows sum to 1 by the shape of the scene
-/// ([`closed_rows`]); in a closed scene those too of whose rays none met a back. Rays are traced for [`Closure::Closed`] alone, where the shape does not show it.
+/// ([`closed_rows`]), and in a closed scene also where none of a patch's rays met a back face. Rays are traced for [`Closure::Closed`] alone, where the shape does not show it.
 ///
 /// # Errors
 /// [`Leak`] for [`Closure::Closed`], if more than [`MAX_ESCAPED`] of the rays of a patch hit nothing; of a scene of up to 4096 patches 4096 are traced from each.
@@ -109,7 +112,7 @@ pub fn enclosed(input: Input<'_>, watertight: bool, tallies: &[RowTally], closur
         }
     }
     for (row, tally) in rows.iter_mut().zip(tallies) {
-        // A patch that meets backs may lie under a block without a bottom.
+        // A patch that meets back faces may lie under a block without a bottom.
         *row |= closed && tally.n_rays > 0 && tally.n_absorbed + tally.n_escaped == 0;
     }
     Ok(Enclosed {
@@ -120,7 +123,7 @@ pub fn enclosed(input: Input<'_>, watertight: bool, tallies: &[RowTally], closur
     })
 }
 
-/// Returns upper bounds of the fractions of the light of patches that slits of a width let out, \[n\].
+/// Returns upper bounds of the fractions of the light of patches that slits of such a width let out, \[n\].
 fn by_slits(input: Input<'_>, width: f64) -> Vec<f64> {
     let patches = input.mesh.patches.iter().enumerate();
     let bounds = patches.map(|(i, patch)| {
@@ -130,7 +133,7 @@ fn by_slits(input: Input<'_>, width: f64) -> Vec<f64> {
     bounds.collect()
 }
 
-/// Returns an upper bound of what escapes: the fraction of rays that hit nothing, and 8 standard deviations.
+/// Returns an upper bound of the light that escapes: the fraction of rays that hit nothing, and 8 standard deviations.
 fn most_escaped(probe: &Probe) -> f64 {
     let n = probe.n_rays as f64;
     let likely = (probe.n_escaped as f64 + 1.0) / (n + 2.0);
@@ -142,7 +145,7 @@ fn share(probe: &Probe) -> f64 {
     probe.n_escaped as f64 / probe.n_rays as f64
 }
 
-/// Shoots rays from all patches, and refuses a scene that more than [`MAX_ESCAPED`] of those of a patch leave: the one that loses the most is named.
+/// Shoots rays from all patches, and refuses a scene if more than [`MAX_ESCAPED`] of those of a patch leave it: the error names the patch that loses the most.
 fn probed(input: Input<'_>) -> Result<Vec<Probe>, Leak> {
     let n = input.mesh.n_patches();
     let n_rays = (RAYS / n.max(1)).clamp(MIN_RAYS, MAX_RAYS);
@@ -156,7 +159,7 @@ fn probed(input: Input<'_>) -> Result<Vec<Probe>, Leak> {
         .map(|face| Outline::new(input.scene.polygon(face)))
         .collect();
     let sheets = Sheets::new(input.scene, &outlines);
-    // What lies flat on something, such as the bottom of a block, sees nothing: its rays begin beyond that.
+    // A patch flat on another face, such as the bottom of a block, sees nothing: its rays begin beyond that face.
     let lies_on_another = |i: usize| sheets.uncovered(input.mesh.patches[i].face.0 as usize).is_empty();
     let leaks = |i: usize, probe: &Probe| {
         let is_leak = probe.n_escaped >= MIN_ESCAPED && share(probe) > MAX_ESCAPED;
@@ -180,11 +183,11 @@ fn probed(input: Input<'_>) -> Result<Vec<Probe>, Leak> {
     })
 }
 
-/// Returns for each patch whether all of its light arrives at fronts, so that its row sums to 1, \[n\].
+/// Returns for each patch whether all of its light arrives at front faces, so that its row sums to 1, \[n\].
 ///
-/// Its front is to lie in a region that closed pieces of surface bound, as their winding numbers around it tell, and where no patch has its back: a room, but not
-/// the open space around it, nor one with a block in it that is wound inwards. Where faces of other pieces reach a patch inside of its border, such as a wall that stands on it, the winding numbers of these
-/// pieces are not known for all of it: its row may sum to something from 0 to 1.
+/// That holds if its front lies in a region that closed pieces of surface bound, by their winding numbers around it, and where no patch has its back: inside an enclosure, but not
+/// in the open space around it, nor beside a block that is wound inwards. Where faces of other pieces reach a patch inside its border, such as a wall that stands on it, the winding numbers of these
+/// pieces are unknown for part of it: its row may sum to any number from 0 to 1.
 ///
 /// Work: O(n log n).
 #[must_use]

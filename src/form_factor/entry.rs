@@ -4,7 +4,7 @@ use super::FormFactorMethod;
 use super::settings::MethodSettings;
 use crate::setting::Use;
 
-/// A method as the registry knows it; the method's own file fills it in.
+/// A method in the registry; the method's own file fills it in.
 #[derive(Debug)]
 pub struct MethodEntry {
     /// The name on the command line.

@@ -14,14 +14,14 @@ pub(super) fn prepared(mesh: &Mesh) -> Vec<PreparedPolygon> {
     polygons(mesh, PreparedPolygon::new)
 }
 
-/// Returns what `map` makes of the corners of each patch.
+/// Maps the corners of each patch.
 pub(super) fn polygons<T>(mesh: &Mesh, map: impl Fn(&[DVec3]) -> T) -> Vec<T> {
     (0..mesh.n_patches())
         .map(|i| map(&mesh.polygon(PatchId::from_index(i))))
         .collect()
 }
 
-/// The planes of all patches and their corners, for the test that goes first.
+/// The planes of all patches and their corners, for the first test of a pair.
 #[derive(Debug)]
 pub(super) struct Facing {
     corners: Arc<[Vec<DVec3>]>,
@@ -64,7 +64,7 @@ impl Facing {
     /// Returns whether part of each patch lies in front of the other's plane.
     ///
     /// A corner counts as in front from 1e-14 of its distance and the patch's size on: below that, rounding decides the sign, and
-    /// patches of one plane must be told from patches that meet at an edge. A billionth of the size of the patch that it is a corner of is enough, however large the other is.
+    /// patches of one plane must differ from patches that meet at an edge. A billionth of the size of the patch whose corner it is suffices, however large the other is.
     pub(super) fn pair(&self, i: usize, j: usize) -> bool {
         self.sees(i, j) && self.sees(j, i)
     }
@@ -80,11 +80,12 @@ impl Facing {
         self.normals[i]
     }
 
-    /// Returns for each of `others` whether some of it lies in front of every patch of a flat range, or nothing of it in front of any; `None` where that
-    /// is not certain, and pairs are to be looked at.
+    /// Returns whether each of `others` is in front of a flat range of patches.
+    ///
+    /// True if part of it lies in front of every patch, false if all of it lies behind each; `None` where that is uncertain, and pairs are tested one by one.
     pub(super) fn in_front(&self, of: Range<usize>, others: Range<usize>) -> Vec<Option<bool>> {
         let (origin, normal) = (self.corners[of.start][0], self.normals[of.start]);
-        // How far the patches' own planes are from the first one's: shifted, and turned.
+        // The distance of the patches' own planes from the first one's: shifted, and turned.
         let (mut shifted, mut turned, mut reach) = (0.0_f64, 0.0_f64, 0.0_f64);
         for i in of {
             let to = self.corners[i][0] - origin;

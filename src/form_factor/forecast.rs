@@ -13,10 +13,12 @@ use super::{ExactMethod, FormFactorMethod, Input, MethodSettings, RandomShooting
 use crate::geometry::sampling::Sequence;
 use crate::progress::{Forecast, Progress};
 
-/// Rays for each patch that a forecast of shooting is for.
+/// The rays for each patch that shooting is forecast for.
 pub(super) const RAYS: u64 = 4096;
 
-/// Returns the results of `work` for some of `n` parts, in the order of a golden section of all until `most` is over, but for one turn of all threads.
+/// Returns the results of `work` for some of `n` parts, in the order of a golden section of all.
+///
+/// It stops once `most` has passed; one turn of all threads is always done.
 pub(super) fn sampled<T: Send>(n: usize, n_samples: usize, most: Duration, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let begun = Instant::now();
     let order: Vec<usize> = golden_section(n).take(n_samples.min(n)).collect();
@@ -35,7 +37,7 @@ pub(super) fn mean(times: &[f64]) -> Option<f64> {
     (!times.is_empty()).then(|| times.iter().sum::<f64>() / times.len() as f64)
 }
 
-/// Returns places among `n` that are spread evenly however many are taken.
+/// Returns positions among `n` that are spread evenly after any number of them.
 pub(super) fn golden_section(n: usize) -> impl Iterator<Item = usize> {
     const STEP: f64 = 0.618_033_988_749_894_9;
     (1_u32..).map(move |k| {
@@ -63,7 +65,7 @@ pub(super) fn shooting_s(input: Input<'_>, rays: u64) -> Option<f64> {
     Some(mean(&times)? * n as f64 / rayon::current_num_threads() as f64)
 }
 
-/// A method and its setting, chosen for the time that they are expected to take.
+/// A method and its setting, chosen by the time that it is expected to take.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice {
     /// The name of the method: `exact` or `sr`.
@@ -95,19 +97,21 @@ impl Choice {
     }
 }
 
-/// Shooting takes this many rays for each patch at least, whatever time that takes, and no more than the most.
+/// The fewest rays for each patch of shooting, whatever time they take, and the most.
 const RAYS_RANGE: (u64, u64) = (64, 1 << 20);
 
-/// A forecast may be too low by its inverse.
+/// The margin for a forecast that is too low: 0.6 of the limit is planned.
 const MARGIN: f64 = 0.6;
 
-/// The part of a time that shooting gets of it: checks, repairs and errors then pass over all rows, each with their transpose, and take about as long again.
+/// The part of the time that shooting itself gets: checks, repairs and errors then pass over all rows, each with their transpose, and take about as long again.
 const SHOOTING: f64 = 0.6;
 
-/// Returns the most accurate method of those whose form factors are expected within `limit`: [`ExactMethod`] at `tolerance` or up to 1000 times it (0.1 at most), or [`RandomShooting`] with as
-/// many rays as there is time for, by the tolerance or the greatest standard error of an entry. Shooting with 64 rays for each patch is returned where nothing fits.
+/// Returns the most accurate method whose form factors are expected within `limit`.
 ///
-/// The choice is a matter of the machine and of what else it does. Work: up to 5 s for the samples, less where all work is short.
+/// That is [`ExactMethod`] at `tolerance` or up to 1000 times it (0.1 at most), or [`RandomShooting`] with as many rays as there is time for.
+/// They are compared by the tolerance and the greatest standard error of an entry. Where nothing fits, shooting with 64 rays for each patch is returned.
+///
+/// The choice depends on the machine and its load. Work: up to 5 s for the samples, less where all work is short.
 #[must_use]
 pub fn within(input: Input<'_>, tolerance: f64, limit: Duration, progress: &dyn Progress) -> Choice {
     let limit_s = MARGIN * limit.as_secs_f64();

@@ -5,9 +5,9 @@
 pub struct Fraction {
     /// The fraction.
     pub value: f64,
-    /// The error that it shares with its neighbours, in the same direction: errors of form factors.
+    /// The part of the error that it shares with its neighbours, in the same direction: that of form factors.
     pub common: f64,
-    /// The variance of what it is off by independently of others: that of rays.
+    /// The variance of its independent error: that of rays.
     pub variance: f64,
 }
 

@@ -20,10 +20,12 @@ use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
 use crate::matrix::StorageChoice;
 use crate::progress::Progress;
 
-/// How far the rule may be off, relative to the exchange area, before its patch is cut: a row that adds up such errors is off by no more of all light.
+/// The error of the rule, relative to the exchange area, above which its patch is cut.
+///
+/// A row that adds up such errors is off by at most that part of all light.
 const RULE_TOLERANCE: f64 = 1e-3;
 
-/// The most points on the parts of a patch that is cut.
+/// The most points on the parts of a patch.
 const MAX_POINTS: usize = 4096;
 
 /// The fewest points along each side of a part: with one, the error falls so slowly with cuts that thousands are needed where a few do with two.
@@ -34,16 +36,16 @@ const MIN_POINTS_OF_PARTS: NonZeroUsize = NonZeroUsize::new(2).unwrap();
 /// A_i F_ij = v A_i Σ_p w_p F(x_p → j), with F by [`point_form_factor`] and v = Σ_p w_p F(x_p → j) Σ_s k_ps V_ps / Σ_s k_ps over Σ_p w_p F(x_p → j) the visible fraction by rays from
 /// q × q points x_p to q × q Gauss points of the other patch, k the integrand times the Gauss weight.
 ///
-/// The points lie on the patch for which d / (R √A) is greater, with d its middle's distance from the edges of the other, R its radius and A its area: the rule converges
-/// with d / R, as F changes fast beside edges that are near, and where it does not it is off by no more than A. (The area alone puts the points on a long narrow strip of which the
+/// The points lie on the patch for which d / (R √A) is greater, with d its middle's distance from the edges of the other, R its radius and A its area. The rule converges
+/// with d / R, as F changes fast beside edges that are near; where it does not converge, its error is at most A. (The area alone puts the points on a long narrow strip of which the
 /// other patch sees little; d / R alone puts them on a plate although a narrow strip close to it is all that they should meet.)
-/// Where the rule is further than 0.001 of the entry from the exact exchange area, the patch is cut, across its longest side and
-/// where it matters first, with q × q points on each part, and at least 2 × 2, until it is not or there are 4096 points.
+/// Where the rule is further than 0.001 of the entry from the exact exchange area, the patch is cut, across its longest side and at the
+/// greatest errors first, with q × q points on each part, and at least 2 × 2, until it is nearer or there are 4096 points.
 ///
-/// Order: 2q between patches apart from each other; where they touch still high, as the exact inner integral leaves no singularity but a weak one
+/// Order: 2q between patches apart from each other; where they touch still high, as the exact inner integral leaves only a weak singularity
 /// of higher derivatives (3e-8 in a cube of 216 patches with q = 5). Bias: that of the rule, seldom above 0.001 of the entry as the patch is cut then; and about
 /// q^(−3/2) of the entry at the border of a shadow. 0 ≤ A_i F_ij ≤ the smaller patch's area.
-/// Error of an entry: how far the rule is from the exact exchange area without occluders, as far as the pair is visible, plus the error of the visible
+/// Error of an entry: the distance of the rule from the exact exchange area without occluders, as far as the pair is visible, plus the error of the visible
 /// fraction and 1e-14 of the smaller area for rounding.
 ///
 /// Source: [`LAMBERT_1760`](crate::references::LAMBERT_1760); the combination is folklore. Departures: none.
@@ -77,7 +79,7 @@ impl FormFactorMethod for GaussLambert {
                 let distance = polygon::distance_from_edges(patches[k].centroid, polygons[other].corners());
                 distance / polygons[k].radius() * (patches[other].area / patches[k].area).sqrt().sqrt()
             };
-            // Between equal patches rounding must not decide: a moved scene would give another rule.
+            // Rounding must not choose between equal patches: a moved scene would get another rule.
             let swaps = suits(j, i) > (1.0 + 1e-9) * suits(i, j) + 1e-9;
             if swaps { [j, i] } else { [i, j] }
         };
@@ -96,7 +98,7 @@ impl FormFactorMethod for GaussLambert {
                 segments.join(owner, (outer, from_points), (inner, to_points), |x, weights| {
                     weights.extend(sampled::by_kernel((from, x), (to, to_points)));
                     let total: f64 = weights.iter().sum();
-                    // Nothing, if no point of the other patch is above the horizon although a sliver of it is.
+                    // Zero if no point of the other patch is above the horizon although a sliver of it is.
                     if total > 0.0 {
                         from.area * x.weight * factor([outer, inner], x.position) / total
                     } else {
@@ -116,7 +118,7 @@ impl FormFactorMethod for GaussLambert {
                     .min(smaller);
                 let unoccluded = Exchange {
                     area,
-                    // With a margin for errors that are stored in f32.
+                    // With a margin, as errors are stored in f32.
                     error: 1.01 * (area - exact.value).abs() + exact.error,
                 };
                 let mut exchange = unoccluded.times(visible.beside(sums.by_kernel, exact.value));
@@ -133,7 +135,9 @@ struct Division<'a, F> {
     rule: &'a GaussProduct,
     factor: &'a F,
     parts: Vec<Part>,
-    /// The parts that are not cut yet: how far the integral may be off, as an exponent of 2, and the part's number. Between equal doubts the order of cutting decides, and
+    /// The parts that may still be cut: the integral's possible error, as an exponent of 2, and the part's number.
+    ///
+    /// The order of cutting decides between equal doubts, and
     /// nearly equal ones count as equal, so that rounding does not decide in a scene that has been moved.
     open: BinaryHeap<(i32, Reverse<usize>)>,
     integral: f64,
@@ -146,7 +150,7 @@ struct Part {
 }
 
 impl<'a, F: Fn(DVec3) -> f64> Division<'a, F> {
-    /// Takes a patch as one part, with the points of the rule on it.
+    /// Makes a division of one part, with the points of the rule on it.
     fn new(rule: &'a GaussProduct, corners: &[DVec3], points: &[WeightedPoint], factor: &'a F) -> Self {
         let area = polygon::area_vector(corners).length();
         let integral = integral(area, points, factor);
@@ -163,10 +167,10 @@ impl<'a, F: Fn(DVec3) -> f64> Division<'a, F> {
         }
     }
 
-    /// Returns the integral over all parts after halving the most doubtful ones, until it is that near to its exact value or [`MAX_POINTS`] are used up.
+    /// Returns the integral over all parts after halving the most doubtful ones, until it is within `tolerance` of its exact value or [`MAX_POINTS`] are used up.
     ///
-    /// The doubt about a half is half of what the halving changed, against the whole patch, and no less than an eighth of the doubt before, so
-    /// that what all points of a part miss is found in time.
+    /// The doubt about a half is half of the change by the halving, against the whole patch, and at least an eighth of the doubt before. Regions
+    /// that all points of a part miss are so found in time.
     fn refined(mut self, exact: f64, tolerance: f64) -> f64 {
         let area = polygon::area_vector(&self.parts[0].corners).length();
         let most_cuts = MAX_POINTS / (2 * self.rule.n_points());

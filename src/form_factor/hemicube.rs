@@ -22,16 +22,16 @@ use crate::visibility::{Coherence, HitBatch, RayBatch};
 /// A hemicube over the centre of each patch, or over its Gauss points.
 ///
 /// F_ij ≈ Σ_p w_p Σ ΔF_c over the cells c of the hemicube at point p whose ray, through the cell's middle, first hits the front of j. The top has R × R
-/// cells and each side R × R/2. ΔF_c is the exact form factor of the cell as a polygon ([`point_form_factor`]); the ΔF of all cells sum to 1, so that rows do
-/// less what escaped or met a back.
+/// cells and each side R × R/2. ΔF_c is the exact form factor of the cell as a polygon ([`point_form_factor`]). The ΔF of all cells sum to 1, and rows to 1
+/// less the fraction that escaped or met a back face.
 ///
-/// Rays are traced in every scene, as they are what finds the patches. Bias: what patch i sees is what its points see, wrong by some
+/// Rays are traced in every scene, as they find the patches. Bias: patch i sees what its points see, wrong by some
 /// per cent to tens of per cent where patches touch and q = 1; aliasing at the cells, of the order 1/√m of an entry made of m cells.
 /// Not symmetric; A_i F_ij may exceed the smaller area.
-/// Error of an entry: its distance from the exact form factor without occluders (two digits of it) where nothing blocks. Where something may, plus
-/// sqrt(2/((q² + 2)(q² + 3))) of that, for what is hidden from parts of i between the points, which more cells do not tell. Where a fraction v < 1 − 1/√m is visible from the
+/// Error of an entry: its distance from the exact form factor without occluders (two digits of it) where nothing occludes. Where something may, plus
+/// sqrt(2/((q² + 2)(q² + 3))) of that, for parts of i between the points whose view is hidden, which more cells do not show. Where a fraction v < 1 − 1/√m is visible from the
 /// points, by m rays: the points' distance from the exact form factor, plus sqrt(v(1 − v)/q² + 2/((q² + 2)(q² + 3))) of it, plus 1/√m of the entry. Patches that are certain
-/// not to see each other have none. It covers the rule on i, the cells and the shadows; summed over patches that err to both sides it is much more than their error.
+/// not to see each other have their value as error, mostly 0. It covers the rule on i, the cells and the shadows; summed over patches that err to both sides it is much more than their error.
 ///
 /// Source: [`COHEN_GREENBERG_1985`](crate::references::COHEN_GREENBERG_1985). Departures: rays through the cells' middles instead of scan conversion, which finds
 /// the same patch in each cell; exact ΔF instead of the integrand at the middle times the cell's area; more than one point by choice.
@@ -252,7 +252,7 @@ mod tests {
             let sum: f64 = cells.iter().map(|c| c.factor).sum();
             assert!((sum - 1.0).abs() < 1e-12, "{resolution}: {sum}");
             assert!(cells.iter().all(|c| c.factor > 0.0 && c.direction.z > 0.0));
-            // By symmetry, and because a form factor is the mean of nothing but directions: Σ ΔF ω = (0, 0, 2/3).
+            // By symmetry, and because a form factor is a mean of directions: Σ ΔF ω = (0, 0, 2/3).
             let mean: DVec3 = cells.iter().map(|c| c.factor * c.direction.normalize()).sum();
             assert!(mean.x.abs() < 1e-12 && mean.y.abs() < 1e-12);
             let tolerance = 0.5 / (even * even) as f64;

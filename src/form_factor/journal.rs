@@ -1,4 +1,4 @@
-//! Results inside of a piece of work, kept one by one: a piece may take hours.
+//! Results within a piece of work, stored one by one, as a piece may take hours.
 
 #![expect(
     clippy::shadow_unrelated,
@@ -12,25 +12,25 @@ use std::time::Duration;
 use crate::checkpoint::Checkpoint;
 use crate::progress::Progress;
 
-/// Numbers of a journal's records begin here, above those of all pieces.
+/// The first number of a journal's records, above those of all pieces.
 const FIRST: u64 = 1 << 39;
 
-/// Results that took longer are kept at once.
+/// The time above which a result is stored at once.
 const DEAR: Duration = Duration::from_millis(1);
 
-/// Others when there are so many of them: together a quarter of a second of work.
+/// The number of quicker results that are stored together, which are a quarter of a second of work.
 const CHEAP_AT_ONCE: usize = 256;
 
-/// Begins every record.
+/// The layout mark at the beginning of every record.
 const LAYOUT: u64 = u64::from_le_bytes(*b"journal2");
 
 /// Numbers of one result: its place in the piece, then four of its own.
 const NUMBERS: usize = 5;
 
-/// Four numbers that a result is made of.
+/// The four numbers of a result.
 pub(super) type Record = [u64; NUMBERS - 1];
 
-/// The results of the piece that is being worked on, in the checkpoint behind all pieces that are done.
+/// The results of the current piece, stored in the checkpoint after all finished pieces.
 pub(super) struct Journal<'a> {
     checkpoint: Option<&'a Checkpoint>,
     piece: u64,
@@ -40,12 +40,12 @@ pub(super) struct Journal<'a> {
     found: HashMap<u64, Record>,
     /// The remainder of other pieces, on which other ranks worked.
     of_others: HashMap<u64, HashMap<u64, Record>>,
-    /// The number of the next record, and what is to be in it.
+    /// The number of the next record, and its results.
     pending: Mutex<(u64, Vec<(u64, Record)>)>,
 }
 
 impl<'a> Journal<'a> {
-    /// Returns a journal of no piece; it keeps nothing without a checkpoint.
+    /// Returns a journal of no piece; it stores nothing without a checkpoint.
     pub(super) fn new(progress: &'a dyn Progress) -> Self {
         Self {
             checkpoint: progress.checkpoint(),
@@ -57,7 +57,7 @@ impl<'a> Journal<'a> {
         }
     }
 
-    /// Goes over to a piece. Pieces are worked on one after the other: of pieces that are not finished, an earlier run left one for each of its ranks.
+    /// Begins a piece. Pieces are computed one after the other: an earlier run left one unfinished piece for each of its ranks.
     pub(super) fn begin(&mut self, piece: u64) {
         self.piece = piece;
         self.found = self.of_others.remove(&piece).unwrap_or_default();
@@ -80,12 +80,12 @@ impl<'a> Journal<'a> {
         self.found = self.of_others.remove(&piece).unwrap_or_default();
     }
 
-    /// Returns the result at a place of the piece, if an earlier run kept it.
+    /// Returns the result at a place of the piece, if an earlier run stored it.
     pub(super) fn get(&self, place: usize) -> Option<Record> {
         self.found.get(&(place as u64)).copied()
     }
 
-    /// Keeps a result that took `took`.
+    /// Stores a result that took `took`.
     pub(super) fn keep(&self, place: usize, record: Record, took: Duration) {
         let Some(checkpoint) = self.checkpoint else { return };
         let mut pending = self.pending.lock().unwrap_or_else(PoisonError::into_inner);
@@ -107,7 +107,7 @@ impl<'a> Journal<'a> {
     }
 }
 
-/// Returns the piece of a record and the results in it; none of a record that is something else.
+/// Returns the piece of a record and the results in it; `None` for any other record.
 fn decode(bytes: &[u8]) -> Option<(u64, Vec<(u64, Record)>)> {
     let (numbers, []) = bytes.as_chunks::<8>() else {
         return None;
@@ -149,7 +149,7 @@ mod tests {
         for place in 1..=CHEAP_AT_ONCE + 1 {
             journal.keep(place, [place as u64; 4], Duration::ZERO);
         }
-        // It is another piece's, and what was not written of the last one is gone.
+        // The record belongs to another piece, and the unwritten results of the last one are gone.
         journal.begin(6);
         journal.keep(7, [7; 4], DEAR);
         drop(journal);

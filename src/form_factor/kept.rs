@@ -1,10 +1,10 @@
-//! Pieces of form factors, as a checkpoint keeps them and ranks send them.
+//! Pieces of form factors, as a checkpoint stores them and ranks send them.
 
 use super::PairCounts;
 use crate::matrix::{Entry, RayWeights, RowTally, RowTile};
 use crate::progress::Progress;
 
-/// Begins every piece; another number when what follows changes. The first number of pieces before there was one is a count, and smaller.
+/// The layout mark of every piece; it changes with the layout. Pieces without a mark begin with a count, which is smaller.
 const LAYOUT: u64 = u64::from_le_bytes(*b"piece 3\n");
 
 /// The unit of work of a method, as checkpoints store it.
@@ -16,7 +16,7 @@ pub(super) struct Piece {
 }
 
 impl Piece {
-    /// Returns a piece of rows that know nothing of pairs.
+    /// Returns a piece of rows without counts of pairs.
     pub(super) fn of_rows(tile: RowTile) -> Self {
         Self {
             tiles: vec![tile],
@@ -114,7 +114,7 @@ impl Piece {
         Some(end)
     }
 
-    /// Returns `None` for what [`encode`](Self::encode) does not write.
+    /// Reads a piece; `None` for bytes that [`encode`](Self::encode) does not write.
     pub(super) fn decode(bytes: &[u8]) -> Option<Self> {
         let (numbers, []) = bytes.as_chunks::<8>() else {
             return None;
@@ -184,16 +184,16 @@ pub(super) struct Part {
     pub(super) is_upper: bool,
 }
 
-/// Returns piece k if an earlier run kept it, and it is one: rows from the first of `part` on, up to an end (not included) that is `right`.
+/// Returns piece k if an earlier run stored it and it is valid: rows from the first of `part` on, up to an end (not included) that is `right`.
 ///
-/// A checksum that is right does not say that this program wrote it.
+/// A right checksum does not prove that this program wrote it.
 pub(super) fn take(progress: &dyn Progress, k: u64, part: Part, right: impl FnOnce(usize) -> bool) -> Option<Piece> {
     let piece = Piece::decode(&progress.checkpoint()?.piece(k)?)?;
     let end = piece.end(part)?;
     (end > part.first_row && right(end)).then_some(piece)
 }
 
-/// Keeps piece k for a later run, if the caller asked for that and all of the piece was computed.
+/// Stores piece k for a later run, if the caller asked for that and all of the piece was computed.
 pub(super) fn keep(progress: &dyn Progress, k: u64, piece: &Piece) {
     if let Some(checkpoint) = progress.checkpoint()
         && !progress.is_cancelled()
@@ -242,7 +242,7 @@ mod tests {
         assert_eq!(Piece::decode(&huge), None, "more tiles than there are bytes");
     }
 
-    /// Right checksums do not make a piece of this work: what does not fit is computed anew.
+    /// A right checksum does not make a piece of this work: a piece that does not fit is computed anew.
     #[test]
     fn pieces_that_do_not_fit_are_no_pieces() {
         let part = Part {

@@ -2,14 +2,14 @@
 //!
 //! F_ij = 1/A_i ∫_{A_i} ∫_{A_j} V cos θ_i cos θ_j / (π r²) dA_j dA_i, dimensionless, in \[0, 1\].
 //!
-//! Each method is one file behind [`FormFactorMethod`], and one line in the [`registry`]. What each of them promises without an occluder:
+//! Each method is one file behind [`FormFactorMethod`], and one line in the [`registry`]. Their guarantees without occluders:
 //!
 //! | method | A_i F_ij symmetric | A_i F_ij ≤ min(A_i, A_j) | rows sum to 1 if closed | error of an entry from |
 //! |---|---|---|---|---|
 //! | [`CentrePoint`] | unless normalised | no | if normalised | the exact value |
 //! | [`ParametricDifferential`] | yes | no | no | the exact value |
 //! | [`RandomShooting`] | to the noise | to the noise | yes | the number of hits |
-//! | [`GaussShooting`] | to the noise and what its grid misses | no | yes | the number of hits |
+//! | [`GaussShooting`] | to the noise and the error of its grid | no | yes | the number of hits |
 //! | [`Hemicube`] | no | no | yes | the exact value, and the cells' size |
 //! | [`GaussLambert`] | yes | to its error | to its error | a rule with fewer points |
 //! | [`ContourIntegral`] | yes | yes | to rounding | rounding |
@@ -17,14 +17,14 @@
 //! | [`QuasiMonteCarlo`] | yes | yes | to rounding | rounding |
 //! | [`ExactMethod`] | yes | yes | to rounding | rounding |
 //!
-//! How many entries lie within these errors, in twenty scenes, is in `docs/stated-errors.md`, with the command that measures it, and so is which repair of rows leaves
-//! the smaller error ([`Need`](crate::matrix::Need)). An entry that no ray of a row hit states what that leaves open ([`std_error`](crate::matrix::FormFactors::std_error)).
+//! How many entries lie within these errors, in twenty scenes, is in `docs/stated-errors.md`, with the command that measures it, and with the repair of rows that leaves
+//! the smaller error ([`Need`](crate::matrix::Need)). An entry that no ray of a row hit has the error that this leaves open ([`std_error`](crate::matrix::FormFactors::std_error)).
 //!
-//! With occluders the methods between pairs add the standard error of the visible fraction, which rays between the two patches give, but
-//! for [`ExactMethod`], which traces no ray at all and keeps to a tolerance. The others trace none where nothing can block.
+//! With occluders the methods between pairs add the standard error of the visible fraction, by rays between the two patches.
+//! [`ExactMethod`] keeps to a tolerance instead: it clips, and traces f64 rays of its own past many occluders. The others trace no ray where nothing can occlude.
 //!
-//! Where a file [shows that its coordinates were rounded](crate::scene::Written::shows_rounding), all methods but [`OnTheFly`] add to the error of an entry what half a unit of the last place leaves open:
-//! how far F_ij changes to the first order where the vertices of both patches and of their occluders move. Whole numbers and short decimals of a mesh that fits are what is meant.
+//! Where a file [shows that its coordinates were rounded](crate::scene::Written::shows_rounding), all methods but [`OnTheFly`] add to the error of an entry the effect of half a unit of the last place:
+//! the change of F_ij to the first order where the vertices of both patches and of their occluders move. Whole numbers and short decimals of a mesh that fits count as exact.
 
 mod backs;
 mod bounds;
@@ -106,19 +106,21 @@ pub struct Input<'a> {
     pub mesh: &'a Mesh,
     /// The visibility between patches.
     pub visibility: &'a dyn Visibility,
-    /// True if no face can block another (see [`is_convex_and_empty`](crate::scene::topology::is_convex_and_empty)):
+    /// True if no face can occlude another (see [`is_convex_and_empty`](crate::scene::topology::is_convex_and_empty)):
     /// methods between pairs of patches then trace no ray.
     pub unoccluded: bool,
 }
 
-/// Form factors and what a method has to say about how it came by them.
+/// Form factors, and how a method computed them.
 #[derive(Clone, Debug)]
 pub struct Computed {
     /// The form factors.
     pub factors: FormFactors,
-    /// How the pairs of patches were treated; `None` for methods that do not look at pairs.
+    /// The counts of pairs by their treatment; `None` for methods that do not work by pairs.
     pub pairs: Option<PairCounts>,
-    /// False if the error of a pair is above the tolerance, because a budget was spent before or because corners are rounded too coarsely ([`PairCounts`] tells which); the entries' errors say what was reached.
+    /// False if the error of a pair is above the tolerance.
+    ///
+    /// Either a budget was spent first, or corners are rounded too coarsely ([`PairCounts`] has both counts); the entries' errors state the accuracy reached.
     pub tolerance_met: bool,
 }
 
@@ -152,7 +154,7 @@ pub struct PairCounts {
 }
 
 impl PairCounts {
-    /// Returns the counts of two sets of pairs together.
+    /// Returns the sums of the counts of two sets of pairs.
     #[must_use]
     pub fn plus(self, other: Self) -> Self {
         Self {
@@ -170,7 +172,7 @@ impl PairCounts {
         }
     }
 
-    /// Returns what rounded coordinates leave in doubt above the tolerance, if they do.
+    /// Returns the doubt above the tolerance that rounded coordinates leave, if any.
     #[must_use]
     pub fn doubted(self, scene: &Scene) -> Option<RoundingDoubt> {
         let n_pairs = self.n_above_by_rounding;
@@ -181,7 +183,7 @@ impl PairCounts {
         })
     }
 
-    /// Returns whether the error of every pair is within the tolerance, as far as pairs are counted that are not.
+    /// Returns whether the error of every pair is within the tolerance, by the counts of pairs above it.
     #[must_use]
     pub fn tolerance_met(&self) -> bool {
         self.n_above_tolerance == 0 && self.n_above_by_rounding == 0
@@ -215,11 +217,11 @@ impl fmt::Display for RoundingDoubt {
     }
 }
 
-/// How far a method keeps A_i F_ij = A_j F_ji, and with it A_i F_ij ≤ min(A_i, A_j).
+/// How well a method keeps A_i F_ij = A_j F_ji, and with it A_i F_ij ≤ min(A_i, A_j).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Reciprocity {
-    /// Each exchange area is computed once; it is at most the smaller area, but for its error.
+    /// Each exchange area is computed once, and is at most the smaller area, up to its error.
     Exact,
     /// To the noise of rays that are counted.
     ToNoise,
@@ -240,8 +242,9 @@ pub trait FormFactorMethod: Sync {
         Reciprocity::Exact
     }
 
-    /// Returns whether entries err by the bias of a rule that nothing keeps from sending more than all light, between two patches or from one, rather than by noise, a
-    /// tolerance, or a row that is complete anyway.
+    /// Returns true if quadrature bias can violate A_i F_ij ≤ min(A_i, A_j) or Σ_j F_ij ≤ 1.
+    ///
+    /// False for methods that err by noise or within a tolerance, or whose rows are complete anyway.
     fn errs_by_rule(&self) -> bool {
         false
     }
@@ -251,22 +254,22 @@ pub trait FormFactorMethod: Sync {
         false
     }
 
-    /// Returns the memory in bytes that the method takes for `n_patches` patches beside the rows that it gives away one by one: an upper bound.
+    /// Returns an upper bound of the memory in bytes of the method for `n_patches` patches, beside the rows that it gives away one by one.
     fn working_byte(&self, _n_patches: usize) -> u64 {
         0
     }
 
     /// Computes all form factors of a mesh.
     ///
-    /// The result depends on nothing but the input and the method's settings: equal settings give equal bytes at any number of threads.
+    /// The result depends on the input and the method's settings alone: equal settings give equal bytes at any number of threads.
     ///
     /// # Errors
     /// [`FormFactorError`] if the method cannot treat the scene, there is no patch, or a value does not fit the precision of the storage.
     fn compute(&self, input: Input<'_>, storage: StorageChoice, progress: &dyn Progress) -> ComputeResult;
 
-    /// Computes the form factors of patches of which some have moved, with those from before the move as far as they are the same ([`PairCounts::kept`]).
+    /// Computes the form factors after some patches have moved, and keeps those that are the same as before the move ([`PairCounts::kept`]).
     ///
-    /// Methods that cannot tell which ones these are compute all of them anew.
+    /// Methods that cannot find these compute all of them anew.
     ///
     /// # Errors
     /// As [`compute`](Self::compute).
@@ -283,7 +286,7 @@ pub trait FormFactorMethod: Sync {
         self.compute(input, storage, progress)
     }
 
-    /// Returns what computes any rows anew, the same ones as [`compute`](Self::compute), or `None` for methods that compute pairs of patches.
+    /// Returns a function that computes any rows anew, the same as [`compute`](Self::compute), or `None` for methods that compute pairs of patches.
     fn rows<'a>(&'a self, _input: Input<'a>) -> Option<Box<dyn Fn(Range<usize>) -> RowTile + Sync + 'a>> {
         None
     }

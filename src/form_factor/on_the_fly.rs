@@ -14,7 +14,7 @@ pub(super) type Rows<'a> = Box<dyn Fn(Range<usize>) -> RowTile + Sync + 'a>;
 /// The form factors of a scene as an operator that computes them again, row by row, whenever it is applied.
 ///
 /// Memory: 16 rows for each thread instead of n². Time: a pass costs as much as computing all form factors, once for all channels, so that a solver of k passes takes about k + 2 times
-/// as long as with stored ones (the row sums take one pass, and the final check another). The bytes are those of the stored form factors in f64: every row has the same numbers in every pass. Works with every solver that needs
+/// as long as with stored ones (the row sums take one pass, and the final check another). The bytes are those of the stored form factors in f64: every row has the same numbers in every pass. It works with every solver that needs
 /// neither symmetric exchange areas nor a factorisation; `gauss-seidel` computes one row at a time, and so on one thread.
 ///
 /// Source: Lewis 1992, section 6.2. Departures: none.

@@ -40,7 +40,7 @@ pub(super) trait PairWorker {
 
 /// Computes the upper triangle, tile by tile in parallel, and stores it symmetric.
 ///
-/// Patches of one plane, and those that lie behind each other's planes, are not passed on: they exchange nothing.
+/// Patches of one plane, and patches behind each other's planes, are left out: they exchange nothing.
 pub(super) fn by_pairs<W: PairWorker>(
     input: Input<'_>,
     storage: StorageChoice,
@@ -79,7 +79,7 @@ pub(super) fn by_pairs<W: PairWorker>(
     let mut counts = PairCounts::default();
     let mut tolerance_met = true;
     let mut failure = None;
-    // In order: of several errors it is always the first row's that is reported.
+    // In order: of several errors the first row's is always reported.
     let upper = results.map_while(|result| match result {
         Ok(piece) => {
             counts = counts.plus(piece.counts);

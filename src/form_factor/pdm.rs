@@ -15,7 +15,7 @@ use crate::progress::Progress;
 /// A_i F_ij = A_i A_j Σ_p Σ_s w_p w_s V_ps cos θ_p cos θ_s / (π r_ps²), q⁴ rays a pair.
 ///
 /// Order: 2q between patches apart from each other, with an error that falls like (size / distance)^(2q); about 1 / q where patches touch, because
-/// of the integrand's singularity there. Bias: the error of the rule, positive where patches touch, so that A_i F_ij may exceed the smaller area and row sums exceed 1;
+/// of the integrand's singularity there. Bias: the error of the rule, positive where patches touch, so that A_i F_ij may exceed the smaller area and row sums may exceed 1;
 /// at the border of a shadow about q^(−3/2) of the entry.
 /// Error of an entry: the rule's distance from the exact form factor without occluders (two digits of it), plus the error of the visible fraction.
 ///

@@ -8,18 +8,18 @@ use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
 use crate::geometry::quadrature::WeightedPoint;
 
-/// A form factor as points of patch i found it, and how many of their rays it is made of.
+/// A form factor from points of patch i, and the number of their rays that hit j.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Found {
     pub(super) factor: f64,
     pub(super) n_rays: u64,
 }
 
-/// Estimates errors of rows that stand on a few points.
+/// Estimates the errors of rows that a few points of a patch stand for.
 ///
-/// Without an occluder the closed form gives the error, to two digits. Where something may, n points of the patch say so
-/// little of the border of a shadow on it that sqrt(2/((n + 2)(n + 3))) of the form factor is not known even where all of them agree, 0.41 from one point, however many
-/// rays each of them shoots; where they see a fraction v, sqrt(v(1 − v)/n) comes to it. Patches that are known to be hidden from each other have no error, found or not.
+/// Without an occluder the closed form gives the error, to two digits. Where something may occlude, n points of the patch show little of the border of a shadow on it: even where all of them agree,
+/// sqrt(2/((n + 2)(n + 3))) of the form factor is unknown, 0.41 from one point, however many
+/// rays each of them shoots; where they see a fraction v, sqrt(v(1 − v)/n) is added. Patches that are certainly hidden from each other have their value as the error.
 pub(super) struct PointErrors<'a> {
     input: Input<'a>,
     sights: Sights<'a>,
@@ -37,9 +37,9 @@ impl<'a> PointErrors<'a> {
         }
     }
 
-    /// Returns an error for every entry of row i, as its points found them; work: n closed forms, and as many looks for what is in between.
+    /// Returns an error for every entry of row i, as its points found them; work: n closed forms, and as many searches for occluders.
     pub(super) fn of_row(&self, i: usize, points: &[WeightedPoint], found: &[Found]) -> Vec<f64> {
-        // What is found where nothing can be is in error all over.
+        // An entry where nothing can be exchanged is all error.
         let mut errors: Vec<f64> = found.iter().map(|f| f.factor).collect();
         let others: Vec<usize> = (0..found.len()).filter(|&j| j != i && self.facing.pair(i, j)).collect();
         let mut sights = Vec::with_capacity(others.len());

@@ -1,4 +1,4 @@
-//! Rays from one patch that are counted by where they end.
+//! Rays from one patch, counted by where they end.
 
 use glam::DVec3;
 
@@ -15,15 +15,15 @@ pub(super) struct Probe {
     pub(super) n_escaped: u64,
     /// Rays that hit a back face.
     pub(super) n_absorbed: u64,
-    /// Where the first that hit nothing leaves the box around the scene, m.
+    /// The point where the first ray that hit nothing leaves the box around the scene, m.
     pub(super) exit: DVec3,
 }
 
-/// Seed of all points, so that another run finds the same.
+/// The seed of all points, so that another run finds the same.
 const SEED: u64 = 0x5eed;
 
 impl Probe {
-    /// Returns what [`shoot`](Self::shoot) works in.
+    /// Returns the buffers of [`shoot`](Self::shoot).
     pub(super) fn buffers() -> (RayBatch, HitBatch) {
         (RayBatch::default(), HitBatch::default())
     }
@@ -65,7 +65,7 @@ impl Probe {
     }
 }
 
-/// Returns where a ray from the inside of a box leaves it.
+/// Returns the point where a ray from inside a box leaves it.
 fn leaves((low, high): (DVec3, DVec3), origin: DVec3, direction: DVec3) -> DVec3 {
     let sides = [low, high].map(|side| (side - origin) / direction);
     let along = sides[0].max(sides[1]).to_array().into_iter();

@@ -16,8 +16,8 @@ use crate::setting::Value;
 /// The exact exchange area without occluders, times the visible fraction of N rays between points of a scrambled Sobol sequence.
 ///
 /// A_i F_ij = X Σ k V / Σ k, with X the exact exchange area, the 4 coordinates of each Sobol point on both patches, uniform by area, and k the integrand
-/// cos θ cos θ / r² of each ray. A pair that sees each other whole has no noise, and the ratio has a bounded variance although k
-/// has none where patches touch. A sequence of its own for each pair.
+/// cos θ cos θ / r² of each ray. A fully visible pair has no noise, and the ratio has a bounded variance although k
+/// has none where patches touch. Each pair has a sequence of its own.
 ///
 /// Bias: O(1/N) of the entry, that of a ratio of sums. Error of an entry: the standard error of that ratio for N^(5/4) independent rays, as many as N points of a net in four
 /// dimensions are worth, with 2/((M + 2)(M + 3)), M = N^(9/8), in its square for what all rays may have missed. 0 ≤ A_i F_ij ≤ X.
@@ -64,7 +64,7 @@ impl FormFactorMethod for QuasiMonteCarlo {
                 if segments.is_known(owner) {
                     return;
                 }
-                // The number of a pair's sequence is the same whatever other patches there are.
+                // A pair's sequence has the same number whatever other patches there are.
                 let mut stream = PointStream::new(Sequence::Sobol, self.seed, ((i as u64) << 32) | j as u64);
                 for _ in 0..self.rays {
                     let [s, t, u, v] = stream.next_point();

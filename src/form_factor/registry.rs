@@ -27,7 +27,7 @@ pub const METHODS: &[&MethodEntry] = &[
 /// Returns the method of a name with the given settings.
 ///
 /// # Errors
-/// [`FormFactorError::UnknownMethod`], or [`FormFactorError::UnusedSetting`] if a setting is given that the method has no use for.
+/// [`FormFactorError::UnknownMethod`], or [`FormFactorError::UnusedSetting`] if a setting is given that the method does not use.
 pub fn method(name: &str, settings: &MethodSettings) -> Result<Box<dyn FormFactorMethod>, FormFactorError> {
     let entry = by_name(name)?;
     Ok(entry.build(&entry.resolve(settings)?))
@@ -55,7 +55,7 @@ impl MethodEntry {
     /// Returns the settings that the method uses, with its defaults put in.
     ///
     /// # Errors
-    /// [`FormFactorError::UnusedSetting`] if a setting is given that the method has no use for.
+    /// [`FormFactorError::UnusedSetting`] if a setting is given that the method does not use.
     pub fn resolve(&self, given: &MethodSettings) -> Result<MethodSettings, FormFactorError> {
         if let Some(setting) = given.values.unused(self.settings) {
             let users = METHODS.iter().copied().filter(|method| method.uses(setting));
@@ -74,7 +74,7 @@ impl MethodEntry {
     /// Returns the method with settings that [`resolve`](Self::resolve) returned.
     ///
     /// # Panics
-    /// If a setting without which there is no such method is missing.
+    /// If a setting that the method needs is missing.
     #[must_use]
     pub fn build(&self, resolved: &MethodSettings) -> Box<dyn FormFactorMethod> {
         (self.make)(resolved).unwrap_or_else(|| panic!("`{}` reads a setting that it does not list", self.name))

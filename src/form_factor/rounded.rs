@@ -21,13 +21,13 @@ use crate::visibility::plane::Lean;
 use crate::visibility::shaft::Shaft;
 use behind::{Glance, Plane};
 
-/// So many standard deviations are stated, as far as all coordinates off by half a unit the worst way do not make less.
+/// The standard deviations that are stated, unless the worst case of all coordinates, each off by half a unit, is less.
 const DEVIATIONS: f64 = 3.0;
 
-/// From this many sums of radii on, another patch is a point.
+/// The distance, in sums of radii, from which on another patch counts as a point.
 const FAR: f64 = 5.0;
 
-/// Points on an edge lie this part of the way to the middle inside of it: fields have no direction on an edge that two patches share.
+/// The part of the way to the middle by which points on an edge are moved inside: fields have no direction on an edge that two patches share.
 const INSIDE: f64 = 1e-3;
 
 /// Three points of Gauss's rule on \[0, 1\], and their weights.
@@ -54,10 +54,10 @@ impl Vertex {
     }
 }
 
-/// Where the shares of both areas that are in the border come to this, a first order is meaningless.
+/// The sum of both patches' border shares of their areas from which on a first order is meaningless.
 const KNOWN: f64 = 2.0;
 
-/// Where they come to this, it does not tell any more what occluders hide.
+/// The same sum from which on the first order does not show the effect of occluders.
 const COARSE: f64 = 0.1;
 
 /// A patch and the vertices of its face, which its corners move with.
@@ -116,9 +116,9 @@ impl End {
 #[derive(Clone, Copy, Debug)]
 struct Term {
     vertex: Vertex,
-    /// That of A_i F_ij.
+    /// The change of A_i F_ij.
     of_exchange: DVec3,
-    /// Those of both areas.
+    /// The changes of both areas.
     of_areas: [DVec3; 2],
 }
 
@@ -127,7 +127,7 @@ struct Term {
 struct Terms(Vec<Term>);
 
 impl Terms {
-    /// Returns the terms of the borders of two patches, in a part `lit` of the light that there is without occluders.
+    /// Returns the terms of the borders of two patches, of which a part `lit` of the light without occluders passes.
     fn of_borders(ends: [&End; 2], lit: f64) -> Self {
         let mut terms = Self(Vec::with_capacity(8));
         for k in 0..2 {
@@ -136,7 +136,7 @@ impl Terms {
         terms
     }
 
-    /// Returns how far an exchange area may be off, m², whichever area it is divided by.
+    /// Returns the rounding error of an exchange area, m², for whichever of the two areas divides it.
     fn worst(&self, ends: [&End; 2], exchange: f64) -> f64 {
         let of_end = |k: usize| self.error(k, exchange / ends[k].area);
         of_end(0).max(of_end(1))
@@ -155,9 +155,9 @@ impl Terms {
         &mut self.0[k]
     }
 
-    /// Returns how far A_i F_ij may be off, m², where A_i is off as well: `k` is the place of i, `factor` F_ij.
+    /// Returns the rounding error of A_i F_ij, m², where A_i is off as well: `k` is the place of i, `factor` F_ij.
     ///
-    /// Coordinates are off by anything up to half a unit, each by itself, or all that have the same value in one direction alike, as those of a wall along an axis: whatever is more.
+    /// Coordinates are off by up to half a unit, each by itself, or all of the same value in one direction alike, as those of a wall along an axis: whichever is more.
     fn error(&self, k: usize, factor: f64) -> f64 {
         let (mut most, mut square) = (0.0, 0.0);
         let mut alike: Vec<(usize, f64, f64)> = Vec::with_capacity(3 * self.0.len());
@@ -183,7 +183,7 @@ impl Terms {
             }
         }
         let square_alike: f64 = alike.iter().map(|known| known.2 * known.2).sum();
-        // The variance of what is equally likely up to x is x² / 3.
+        // The variance of a number that is uniform up to x is x² / 3.
         (DEVIATIONS * (square.max(square_alike) / 3.0).sqrt()).min(most)
     }
 }
@@ -198,7 +198,7 @@ struct Side {
 }
 
 impl Side {
-    /// Returns whether light in a direction passes the face from its back to its front for certain.
+    /// Returns whether light in a direction certainly passes the face from its back to its front.
     fn is_met_by(&self, flux: DVec3) -> bool {
         self.normal.dot(flux) > self.lean * flux.length()
     }
@@ -212,7 +212,7 @@ pub(super) struct Rounded {
 }
 
 impl Rounded {
-    /// Returns the patches of a scene whose file [shows that it was rounded](Written::shows_rounding); `None` of any other.
+    /// Returns the patches of a scene whose file [shows that it was rounded](Written::shows_rounding); `None` for any other.
     pub(super) fn new(input: Input<'_>) -> Option<Self> {
         let written = input.scene.rounded()?;
         let patches = (0..input.mesh.n_patches()).map(PatchId::from_index);
@@ -226,28 +226,30 @@ impl Rounded {
         })
     }
 
-    /// Returns a first-order bound of the rounding error of an exchange area, m², with so many occluders about as long as the patches. It serves where that error is negligible.
+    /// Returns a first-order bound of the rounding error of an exchange area, m², with so many occluders about as long as the patches.
     ///
-    /// The irradiance vector of a patch at a distance r is A / (π r²) at most, and 1.
+    /// It serves where that error is negligible. The irradiance vector of a patch at a distance r is at most A / (π r²), and at most 1.
     pub(super) fn rough(&self, [i, j]: [usize; 2], exchange: f64, n_occluders: usize) -> f64 {
         let [from, to] = [i, j].map(|k| &self.ends[k]);
         let nearest = (from.middle.distance(to.middle) - from.radius - to.radius).max(0.0);
         let most = |end: &End| (end.area / (PI * nearest * nearest)).min(1.0);
         let swept = from.off * from.perimeter * most(to) + to.off * to.perimeter * most(from);
-        // Few rays may have found more than there is.
+        // Few rays may have found more than the greatest possible exchange.
         let exchange = exchange.min(from.area * most(to)).min(to.area * most(from));
         swept * (1 + n_occluders) as f64 + (from.border() + to.border()) * exchange
     }
 
-    /// Returns how far A_i F_ij of two patches may be off by the rounding of coordinates, m², so that F_ij and F_ji are off by no more than that over A_i and A_j.
+    /// Returns the error of A_i F_ij of two patches by the rounding of coordinates, m².
     ///
-    /// With Φ the irradiance vector of patch j, A_i F_ij is its flux through patch i. Where a corner of i moves, it changes by the flux through what the two edges at the corner sweep, ∮ Φ · (δx × dx), and so it does for j
-    /// and for edges of occluders, where only light counts that goes from one patch to the other. The sums go by vertices of the scene: a vertex that several of them share moves them all.
+    /// Divided by A_i and A_j it is that of F_ij and F_ji. With Φ the irradiance vector of patch j, A_i F_ij is its flux through patch i.
+    /// Where a corner of i moves, A_i F_ij changes by the flux through the area that the two edges at the corner sweep, ∮ Φ · (δx × dx).
+    /// The same holds for j and for edges of occluders, where only light from one patch to the other counts. The sums go by vertices of the scene: a vertex that several of them share moves them all.
     ///
     /// `exchange` is A_i F_ij, m², and `whole` the same without occluders.
     ///
-    /// Accuracy: of the first order in half a unit over the size of the patches, some 10 % off where these touch. In partly visible pairs the light at the borders of patches is (`exchange` / `whole`)^½ of that without occluders, which is between none and all.
-    /// Where patches are few units wide, what is hidden may be seen: as large a share of all that there is without occluders as the border is of the patches.
+    /// Accuracy: of the first order in half a unit over the size of the patches, some 10 % off where these touch.
+    /// In partly visible pairs the light at the borders of patches is (`exchange` / `whole`)^½ of that without occluders, which is between none and all.
+    /// Where patches are few units wide, a hidden part may be seen: as large a share of the whole exchange without occluders as the border is of the patches.
     /// Source: [`ARVO_1994`](crate::references::ARVO_1994), which follows vertices in the same way at a point. Departures: the flux through what edges sweep, for two patches.
     pub(super) fn error<'a>(
         &self,
@@ -266,7 +268,7 @@ impl Rounded {
             .map(|end| end.area * (1.0 + end.border()))
             .fold(meant.most, f64::min);
         let first_order = terms.worst(ends, exchange);
-        // As much again for what is beyond the first order where patches are some units wide; of what is hardly wider than a unit nothing is known.
+        // As much again for the higher orders where patches are some units wide; of patches hardly wider than a unit nothing is certain.
         let border = ends[0].border() + ends[1].border();
         if border >= KNOWN {
             return exchange.max(most - exchange);
@@ -285,14 +287,14 @@ impl Rounded {
             .min(exchange.max(most - exchange).max(0.0))
     }
 
-    /// Adds what the edges of occluders sweep; returns whether there are any.
+    /// Adds the terms that the edges of occluders sweep; returns whether there are any.
     fn occluder_terms<'a>(
         &self,
         [from, to]: [&End; 2],
         occluders: impl IntoIterator<Item = &'a [DVec3]>,
         terms: &mut Terms,
     ) -> bool {
-        // Each edge once, with the normals of the faces on its sides, those that run along it the other way turned round, and the sines by which they may lean.
+        // Each edge once, with the normals of the faces on its sides, turned round for faces that run along it the other way, and the sines by which they may lean.
         let mut edges: Vec<([DVec3; 2], Vec<Side>)> = Vec::new();
         for corners in occluders {
             let normal = polygon::area_vector(corners).normalize_or_zero();
@@ -319,7 +321,7 @@ impl Rounded {
         };
         for ([a, b], normals) in edges {
             let vertices = [a, b].map(|v| Vertex::new(v, &self.written));
-            // Either may be off, the edge and the patches that it stands between.
+            // Both may be off: the edge, and the patches between which it stands.
             let off = vertices[0].half.length().max(vertices[1].half.length()) + from.off.max(to.off);
             let Some([start, end]) = shaft.part_within(a, b, off) else {
                 continue;
@@ -328,7 +330,7 @@ impl Rounded {
             for (s, weight) in RULE {
                 let t = start + s * (end - start);
                 let x = a + t * (b - a);
-                // What barely hides all, or nothing, may let by or hide what passes within the width that the edge may be off.
+                // An occluder that barely hides all, or nothing, may pass or hide the light within the width by which the edge may be off.
                 let beside = [DVec3::ZERO, off * across, -off * across].map(|step| flux_through(x + step, from, to));
                 let flux = beside.into_iter().fold(DVec3::ZERO, |most, flux| {
                     if flux.length_squared() > most.length_squared() {
@@ -337,7 +339,7 @@ impl Rounded {
                         most
                     }
                 });
-                // On one side of both faces light passes by the edge inside of the one or the other, and meets one of them anyway.
+                // On one side of both faces, light that passes the edge inside one face meets the other anyway.
                 let sign = normals[0].normal.dot(flux).signum();
                 let any_is_met = |towards: DVec3| normals.iter().any(|side| side.is_met_by(towards));
                 if any_is_met(flux) && any_is_met(-flux) {
@@ -352,7 +354,9 @@ impl Rounded {
     }
 }
 
-/// Adds what the border of an end, number `k` of its pair, sweeps of the light that comes from the other, a part `lit` of it, and of its own area.
+/// Adds the terms that the border of an end sweeps, of a part `lit` of the light from the other end, and of its own area.
+///
+/// `k` is the number of the end in its pair.
 fn border_terms([end, other]: [&End; 2], k: usize, lit: f64, terms: &mut Terms) {
     let n = end.corners.len();
     let height = |v: &DVec3| end.normal.dot(*v - end.middle);
@@ -371,7 +375,7 @@ fn border_terms([end, other]: [&End; 2], k: usize, lit: f64, terms: &mut Terms) 
             (-other.normal.dot(way)).max(0.0) * other.area / (PI * square * square) * way
         } else {
             let inside = x + INSIDE * (end.middle - x);
-            // In a strip that is hardly in front of the other's plane, that may be behind it.
+            // In a strip that is hardly in front of the other's plane, the point may be behind it.
             let is_in_front = other.normal.dot(inside - other.middle) > 0.0;
             point_form_factor_vector(if is_in_front { inside } else { x }, source)
         }
@@ -416,7 +420,7 @@ fn border_terms([end, other]: [&End; 2], k: usize, lit: f64, terms: &mut Terms) 
     }
 }
 
-/// Returns the irradiance vector at a point between two ends of the light that comes from one and goes on to the other.
+/// Returns the irradiance vector, at a point between two ends, of the light from one end to the other.
 fn flux_through(x: DVec3, from: &End, to: &End) -> DVec3 {
     let mut seen = to.corners.clone();
     let n = from.corners.len();
@@ -435,23 +439,25 @@ fn flux_through(x: DVec3, from: &End, to: &End) -> DVec3 {
 pub(super) struct RoundedRows<'a> {
     input: Input<'a>,
     rounded: Rounded,
-    /// `None` where nothing blocks.
+    /// `None` where nothing occludes.
     index: Option<OccluderIndex>,
     polygons: Vec<PreparedPolygon>,
     facing: Facing,
 }
 
-/// Rounding is not refined where about so much of it is below this part of the error without it: a fifth of the noise of a few rays is no more than their number can show.
+/// The part of the error without rounding below which a rough estimate of rounding is enough.
+///
+/// A fifth of the noise of a few rays is no more than their number can show.
 const NEGLIGIBLE: f64 = 0.2;
 
-/// Form factors of patches behind each other that may be no more than this are not stated.
+/// The form factor up to which patches behind each other are not stated.
 const LEAST: f64 = 1e-8;
 
-/// Occluders that are taken for granted where it is.
+/// The number of occluders that the rough estimate assumes.
 const FEW: usize = 3;
 
 impl<'a> RoundedRows<'a> {
-    /// Returns `None` for a scene whose coordinates are what is meant.
+    /// Returns the error terms of a scene's rounded coordinates; `None` for a scene whose coordinates are exact.
     pub(super) fn new(input: Input<'a>) -> Option<Self> {
         Some(Self {
             input,
@@ -462,10 +468,11 @@ impl<'a> RoundedRows<'a> {
         })
     }
 
-    /// Adds what rounding leaves open to the errors of entries of row i, which are in units of 1 / `scale` m²: 1 for exchange areas, A_i for form factors; and entries of 0 with an error where patches among
-    /// `columns` do not face it, but may do so as they were meant.
+    /// Adds the error of rounding to the entries of row i.
     ///
-    /// Work: a search for occluders between the patch and each face whose patches have rounding to be looked at, and some µs for each of these.
+    /// Entries are in units of 1 / `scale` m²: 1 for exchange areas, A_i for form factors. Patches among `columns` that do not face patch i, but may do so as they were meant, get entries of 0 with an error.
+    ///
+    /// Work: a search for occluders between the patch and each face with patches whose rounding is refined, and some µs for each of these.
     pub(super) fn add(&self, i: usize, scale: f64, columns: Range<usize>, entries: &mut Vec<Entry>) {
         self.add_to_entries(i, scale, entries);
         self.add_behind(i, scale, columns, entries);
@@ -488,7 +495,9 @@ impl<'a> RoundedRows<'a> {
         entries.sort_unstable_by_key(|entry| entry.0);
     }
 
-    /// Adds entries of 0 for patches that no ray of patch i hit, where rounding may hide more of them than the rays could miss: occluders that barely hide them, or barely do not. `by_count` is what the number of rays leaves open of F_ij.
+    /// Adds entries of 0 for patches that no ray of patch i hit, where rounding may hide more of them than the rays could miss.
+    ///
+    /// Occluders barely hide these patches, or barely do not. `by_count` is the part of F_ij that the number of rays leaves open.
     pub(super) fn add_unhit(&self, i: usize, by_count: f64, bounds: &dyn UpperBounds, entries: &mut Vec<Entry>) {
         if self.index.is_none() {
             return;
@@ -502,7 +511,7 @@ impl<'a> RoundedRows<'a> {
             }
             if self.rounded.rough([i, j], 0.0, FEW) > by_count * area && bounds.are_facing(i, j) {
                 let missed = bounds.missed(i, j, by_count);
-                // Rounding adds little to what patches exchange at most without occluders, where that is less.
+                // Where the patches exchange less than that without occluders, rounding adds little to it.
                 if missed >= by_count {
                     unhit.push((PatchId::from_index(j).0, 0.0, missed));
                 }

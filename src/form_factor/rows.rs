@@ -14,7 +14,7 @@ const ROWS_PER_TILE: usize = 16;
 
 /// Computes all rows, tile by tile in parallel, and stores them in order.
 ///
-/// Patches that a row has no entry for were hit by no ray, and are no more than `bounds` allow; without these they are 0 for certain.
+/// Patches without an entry in a row were hit by no ray, and are at most as large as `bounds`; without bounds they are 0 for certain.
 pub(super) fn by_rows(
     input: Input<'_>,
     storage: StorageChoice,
@@ -77,7 +77,7 @@ pub(super) fn by_rows(
     })
 }
 
-/// Returns rows with what rounded coordinates add to their errors.
+/// Returns rows with the errors of rounded coordinates added.
 fn with_rounding(
     rows: &RowTile,
     input: Input<'_>,

@@ -15,7 +15,7 @@ use crate::mesh::{Mesh, Patch, PatchId};
 use crate::progress::Progress;
 
 /// A method between pairs: `sample` adds the segments of a pair (its number in the row, i, j), and `exchange` makes an exchange area
-/// of what became of them.
+/// of their results.
 pub(super) struct Sampled<S, X> {
     pub(super) independence: Independence,
     pub(super) sample: S,
@@ -113,8 +113,9 @@ pub(super) fn join_all(
 /// Points along each side of a triangle of the part of a patch in front of another one's plane.
 const POINTS_OF_PART: usize = 2;
 
-/// Adds segments between the visible parts of two patches to a pair without a segment: of a sliver above the horizon the patches' own points may hold none, and
-/// without a ray it would count as half visible.
+/// Adds segments between the parts of two patches in front of each other's planes, to a pair without a segment.
+///
+/// The patches' own points may all miss a sliver above the horizon, and without a ray it would count as half visible.
 pub(super) fn join_parts_in_front(segments: &mut Segments<'_>, mesh: &Mesh, owner: usize, [i, j]: [usize; 2]) {
     if segments.has_segment(owner) {
         return;
@@ -151,7 +152,7 @@ fn points_of_part(part: &[glam::DVec3], area: f64) -> Vec<WeightedPoint> {
 
 /// Computes Σ w V over all segments between given points: a quadrature rule for the whole integral.
 ///
-/// Error: how far the rule is from the exact exchange area without occluders, as far as it is visible, plus the error of the visible fraction.
+/// Error: the distance of the rule from the exact exchange area without occluders, as far as it is visible, plus the error of the visible fraction.
 pub(super) fn quadrature(
     points: &[Vec<WeightedPoint>],
     input: Input<'_>,
@@ -177,9 +178,9 @@ pub(super) fn quadrature(
     method.compute(input, storage, progress)
 }
 
-/// Returns the exchange area of two patches without occluders, so exactly that two digits of its distance from `rule` are right, as far as f64 has them.
+/// Returns the exchange area of two patches without occluders, so exact that its distance from `rule` has two right digits, as far as f64 allows.
 fn to_two_digits_of(rule: f64, [from, to]: [&PreparedPolygon; 2]) -> polygon_form_factor::Exchange {
-    // That is cheap where the rule is off by more than that.
+    // That is cheap where the rule's own error is larger.
     let coarse = exchange_area(from, to, Tolerance { rel: 1e-2, abs: 0.0 });
     let off = (rule - coarse.value).abs();
     if coarse.error <= 0.1 * off {

@@ -1,6 +1,6 @@
-//! Rays between points of pairs of patches, and what they tell about how much of a pair is visible.
+//! Rays between points of pairs of patches, and the visible fraction of a pair from them.
 //!
-//! Pairs that are known to be whole or hidden ([`Sights`]) need none: their visible fraction is 1 or 0 without an error.
+//! Pairs that are certainly fully visible or hidden ([`Sights`]) need none: their visible fraction is 1 or 0 without an error.
 
 use std::f64::consts::PI;
 
@@ -11,7 +11,7 @@ use super::{Input, PairCounts};
 use crate::geometry::quadrature::WeightedPoint;
 use crate::visibility::{Coherence, RayBatch};
 
-/// Rays that are traced at once: enough to hide the call, few enough to stay in the first cache.
+/// The number of rays that are traced at once: enough to hide the call, few enough to stay in the first cache.
 const BATCH: usize = 512;
 
 /// Returns the integrand of the exchange area, cos θ_x cos θ_y / (π r²) in m⁻², or 0 where one point is behind the other's plane.
@@ -25,23 +25,25 @@ pub(super) fn kernel((x, normal_x): (DVec3, DVec3), (y, normal_y): (DVec3, DVec3
     height_x * height_y / (PI * r_squared * r_squared)
 }
 
-/// How much the rays of a pair have in common.
+/// How independent the rays of a pair are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Independence {
-    /// Each ray has ends of its own, by the points of a net in four dimensions: N of them tell as much of the border of a shadow as N^(5/4) independent ones, as that
-    /// passes through about N^(3/4) of the net's cells. What all N miss they tell as N^(9/8) would.
-    Net,
-    /// Every point of one patch is joined with every point of the other: the rays tell as much as N^(5/4) independent ones, with N = (Σ w)² / Σ_p (Σ_s w_ps)² the
-    /// number of equal points, on the patch where it is less.
+    /// Each ray has ends of its own, by the points of a net in four dimensions.
     ///
-    /// The shadow of an occluder close to a patch is the same from all points of the other, so that rays tell no more of it than the points of that patch do; and where
-    /// the patches are near each other, most of what they exchange may pass through few points of the larger one. Beside the border of a shadow
-    /// neighbouring points see the same, which makes N points of a grid worth up to N^(3/2) random ones, but where the border runs along their rows, N.
+    /// At the border of a shadow N of them are worth N^(5/4) independent rays, as it passes through about N^(3/4) of the net's cells. For the part that all miss they are worth N^(9/8).
+    Net,
+    /// Every point of one patch is joined with every point of the other: the rays are worth N^(5/4) independent ones.
+    ///
+    /// N = (Σ w)² / Σ_p (Σ_s w_ps)² is the number of equal points, on the patch where it is less.
+    /// The shadow of an occluder close to a patch is the same from all points of the other, so that rays show no more of it than the points of that patch do; and where
+    /// the patches are near each other, most of the exchange may pass through few points of the larger one. Beside the border of a shadow
+    /// neighbouring points see the same, which makes N points of a grid worth up to N^(3/2) random ones, or N where the border runs along their rows.
     /// With 5/4, 0.1 % of the errors were above three stated ones in 4000 random triples of two patches and an occluder near one of them or in between (5 × 5 points), 1 to 2 % with 3/2;
-    /// the median was 0.1 to 0.3 of what is stated.
+    /// the median was 0.1 to 0.3 of the stated error.
     SharedEnds,
-    /// As [`SharedEnds`](Self::SharedEnds), with one point at random in each cell of a grid: N points are worth N^(7/4), as no row of them runs along the border of a
-    /// shadow. What all miss they tell as N^(3/2) would.
+    /// As [`SharedEnds`](Self::SharedEnds), with one point at random in each cell of a grid: N points are worth N^(7/4).
+    ///
+    /// No row of them runs along the border of a shadow. For the part that all miss they are worth N^(3/2).
     SharedStrata,
 }
 
@@ -55,13 +57,13 @@ pub(super) fn unseen_square(n: f64) -> f64 {
 pub(super) struct PairSums {
     /// Σ w.
     pub(super) all: f64,
-    /// Σ w over the segments that nothing blocks.
+    /// Σ w over the unoccluded segments.
     pub(super) open: f64,
     /// The exchange area from the kernel at the points, Σ A_i A_j w_p w_s k_ps in m².
     pub(super) by_kernel: f64,
     all_squared: f64,
     open_squared: f64,
-    /// Σ_p (Σ_s w_ps)² over the points of one patch, of that where it is more; 0 where no ends are shared.
+    /// Σ_p (Σ_s w_ps)² over the points of the patch where it is larger; 0 where no ends are shared.
     by_point_squared: f64,
     n_rays: u64,
     n_open: u64,
@@ -75,10 +77,10 @@ pub(super) struct VisibleFraction {
 }
 
 impl VisibleFraction {
-    /// Adds to the error what is unknown of the part of an exchange area that the kernel at the points misses, `by_kernel` instead of `exact`.
+    /// Adds to the error the unknown part of an exchange area that the kernel at the points misses, `by_kernel` instead of `exact`.
     ///
     /// error² + u² / 3 with u = 1 − `by_kernel` / `exact`: no ray stands for the part u, as where patches are nearer to each other than the points of one of them.
-    /// Fractions that are known without rays have no error before and after.
+    /// Fractions that are known without rays stay without an error.
     pub(super) fn beside(self, by_kernel: f64, exact: f64) -> Self {
         if self.error <= 0.0 || by_kernel >= exact {
             return self;
@@ -97,10 +99,10 @@ impl PairSums {
     /// Returns v = Σ w V / Σ w and its error.
     ///
     /// error² = Σ w² (V − v)² / (Σ w)² + 2 / ((N + 2)(N + 3)), with N = (Σ w)² / Σ w² the number of equal rays. The first term is the variance of a
-    /// ratio of sums; the second is what remains unknown where all rays agree, the mean square of a fraction that N rays
+    /// ratio of sums; the second is the uncertainty where all rays agree, the mean square of a fraction that N rays
     /// miss if all fractions are equally likely beforehand (Laplace's rule of succession). With [shared ends](Independence::SharedEnds) the number of equal points to the power
     /// of 5/4 stands for N in both terms.
-    /// Pairs without a ray may be anything.
+    /// Pairs without a ray may have any fraction.
     fn visible(&self, independence: Independence) -> VisibleFraction {
         if self.all <= 0.0 {
             let (fraction, error) = (0.5, 0.5);
@@ -156,7 +158,7 @@ impl<'a> Segments<'a> {
         }
     }
 
-    /// Returns whether it is known how much of the pair numbered `owner` is visible: no segment is then traced.
+    /// Returns whether the visible fraction of the pair numbered `owner` is known: then no segment is traced.
     pub(super) fn is_known(&self, owner: usize) -> bool {
         self.sights[owner] != Sight::Unknown
     }
@@ -186,7 +188,7 @@ impl<'a> Segments<'a> {
 
     /// Adds the segments from every point of patch i to every point of patch j to the pair numbered `owner`.
     ///
-    /// `weigh` appends the exchange areas by the kernel, in m², of the segments from a point of i to all those of j, and returns what to multiply them by for
+    /// `weigh` appends the exchange areas by the kernel, in m², of the segments from a point of i to all those of j, and returns the factor from these to
     /// their weights; those without a weight are left out.
     pub(super) fn join(
         &mut self,
@@ -251,7 +253,7 @@ impl<'a> Segments<'a> {
         self.weights.clear();
     }
 
-    /// Traces what is left of the row.
+    /// Traces the remaining segments of the row.
     pub(super) fn finish(&mut self) {
         if !self.rays.is_empty() {
             self.trace();

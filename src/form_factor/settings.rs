@@ -1,4 +1,4 @@
-//! Settings that several methods use; those of one method stand in its file.
+//! Settings that several methods use; those of one method are in its file.
 
 use std::num::NonZeroUsize;
 
@@ -21,7 +21,7 @@ pub static POINTS: Setting = Setting {
     kind: Kind::Count(256),
 };
 
-/// Where the numbers of shooting come from: a [`Sequence`].
+/// The source of the numbers of shooting: a [`Sequence`].
 pub static SEQUENCE: Setting = Setting {
     name: "sequence",
     help: "Where the numbers of rays come from",
@@ -41,12 +41,12 @@ pub(super) const SHOT_RAYS: Use = RAYS.or(Value::Count(4096));
 pub(super) const SOBOL: Use = SEQUENCE.or(Value::Choice("sobol"));
 pub(super) const FIVE_POINTS: Use = POINTS.or(Value::Count(5));
 
-/// The values given to a method; its own defaults stand for those that are not.
+/// The values given to a method; the others have its own defaults.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MethodSettings {
     /// The values by setting.
     pub values: Values,
-    /// The seed of all numbers; methods without any ignore it.
+    /// The seed of all random numbers; methods without any ignore it.
     pub seed: u64,
 }
 
@@ -79,7 +79,7 @@ impl MethodSettings {
         self.values.get(&POINTS)?.size()
     }
 
-    /// Returns where numbers come from.
+    /// Returns the source of the numbers.
     #[must_use]
     pub fn sequence(&self) -> Option<Sequence> {
         Sequence::named(self.values.get(&SEQUENCE)?.choice()?)

@@ -22,11 +22,11 @@ use crate::progress::Progress;
 /// F_ij ≈ Σ_p w_p (rays from point p whose first hit is the front of j) / m, with the same number m of rays for every point.
 /// Biased by the Gauss rule's own error, which does not fall with the number of rays: the inner integral has a kink or a jump
 /// where j touches or is hidden from a part of i.
-/// Error of an entry: the noise, by Laplace's rule as points differ in weight, with k^(−1/8) for the k hits of a point's rays where these are of a sequence, plus an estimate of the rule's own error. From 3 points a side on that is how far the rules through
-/// every other line of points (along either side of the patch) are from it, less twice the noise of that; of patches near each other or behind each other's planes also how far the rule is from the factor without occluders, as far as they
-/// are visible: where the points miss an edge between them, that alone shows it. An entry that no ray
-/// hit states, up to the factor without occluders, 1.5 / N and what the points see too little of that, with sqrt(2/((n + 2)(n + 3))) of it for the part that n = q² points may all miss. From 1 and 2, where there is
-/// no such rule: that of [`Hemicube`](super::Hemicube), of patches that no ray hit too, for the price of a closed form for each pair.
+/// Error of an entry: the noise, by Laplace's rule as points differ in weight, with k^(−1/8) for the k hits of a point's rays where these are of a sequence, plus an estimate of the rule's own error.
+/// From 3 points a side on that is the distance of the rules through every other line of points (along either side of the patch), less twice its noise. For patches near each other or
+/// behind each other's planes it is also the distance of the rule from the factor without occluders, as far as they are visible: where the points miss an edge between them, that alone shows it.
+/// An entry that no ray hit states 1.5 / N and the factor without occluders that the points miss, up to that factor, with sqrt(2/((n + 2)(n + 3))) of it for the part that n = q² points may all miss.
+/// From 1 and 2 points, where there is no such rule: the error of [`Hemicube`](super::Hemicube), also of patches that no ray hit, for the price of a closed form for each pair.
 /// Source: Baranoski, Bramley and Shirley 1995, appendix A. Departures: the directions come from a Sobol sequence by default;
 /// rays are rounded up to a whole number for each point.
 #[derive(Clone, Copy, Debug)]
@@ -35,7 +35,7 @@ pub struct GaussShooting {
     pub points: NonZeroUsize,
     /// The number of rays of each patch; rounded up to a multiple of q².
     pub rays: u64,
-    /// The kind of numbers.
+    /// The source of the numbers.
     pub sequence: Sequence,
     /// The seed of all streams.
     pub seed: u64,
@@ -106,7 +106,7 @@ impl FormFactorMethod for GaussShooting {
     }
 
     fn rows<'a>(&'a self, input: Input<'a>) -> Option<Rows<'a>> {
-        // Nobody asks for the errors of rows that are not stored.
+        // The errors of rows that are not stored are not used.
         Some(Box::new(move |rows| self.tile(input, rows, &RuleErrors::Unasked)))
     }
 }
@@ -156,13 +156,13 @@ impl GaussShooting {
     }
 }
 
-/// The estimate of the errors of the rule that rays start from, beside the rules through every other line.
+/// The estimate of the rule's errors, beside the rules through every other line.
 enum RuleErrors<'a> {
-    /// Rows are not stored.
+    /// None, for rows that are not stored.
     Unasked,
-    /// Of patches near each other: the closed form at the points.
+    /// The closed form at the points, for patches near each other.
     OfNear(&'a Unoccluded),
-    /// The rule has no coarser one.
+    /// That of [`PointErrors`], for rules without a coarser one.
     OfFew(&'a PointErrors<'a>),
 }
 

@@ -11,20 +11,20 @@ use crate::matrix::Entry;
 use crate::progress::Progress;
 use crate::ranks::{Code, InTurn, Ranks};
 
-/// Chunks of pieces for each rank, at least, where there are pieces enough.
+/// The fewest chunks of pieces for each rank, where there are pieces enough.
 const CHUNKS_PER_RANK: usize = 16;
 
 /// The most pieces of a chunk.
 const MAX_PIECES: usize = 32;
 
-/// The rows of a piece, at least and at most.
+/// The fewest and the most rows of a piece.
 const MIN_ROWS: usize = 8;
 const MAX_ROWS: usize = 16;
 
-/// In place of the length of a piece: the method failed, and fails again wherever it computes the piece.
+/// Stands for the length of a piece whose method failed; it fails again wherever it computes the piece.
 const FAILED: u64 = u64::MAX;
 
-/// The rank was to stop.
+/// Stands for the length of a piece of a rank that was to stop.
 const INTERRUPTED: u64 = u64::MAX - 1;
 
 type PieceResult = Result<Piece, FormFactorError>;
@@ -62,12 +62,14 @@ pub(super) fn pieces<'a>(
     }))
 }
 
-/// Returns how many of `n` pieces make a chunk.
+/// Returns the number of pieces, of `n`, that make a chunk.
 fn pieces_together(n: usize, n_ranks: usize) -> usize {
     (n / (CHUNKS_PER_RANK * n_ranks)).clamp(1, MAX_PIECES)
 }
 
-/// Returns the bytes of the results that wait on each of several ranks at most, for a method that takes `working_byte` for a chunk of its own, or else shares out pieces of rows.
+/// Returns the most bytes of results that wait on each of several ranks.
+///
+/// `working_byte` is the memory of a method for a chunk of its own; 0 for a method that shares out pieces of rows.
 pub(crate) fn waiting_byte(n_patches: usize, n_ranks: usize, working_byte: u64) -> u64 {
     if n_ranks == 1 {
         return 0;
@@ -79,7 +81,7 @@ pub(crate) fn waiting_byte(n_patches: usize, n_ranks: usize, working_byte: u64) 
     chunk.saturating_mul(2 * n_ranks as u64)
 }
 
-/// Returns how many chunks ranks may be ahead of the slowest: enough that none waits for another that has a dear one, as far as memory goes.
+/// Returns the number of chunks that ranks may be ahead of the slowest: enough that none waits for an expensive chunk of another, as far as memory allows.
 pub(super) fn window(ranks: &dyn Ranks, chunk_byte: u64, waiting_byte: u64) -> usize {
     let fitting = usize::try_from(waiting_byte / chunk_byte.max(1)).unwrap_or(usize::MAX);
     fitting.max(2 * ranks.size())
@@ -101,7 +103,7 @@ fn encode(results: &[PieceResult]) -> Vec<u8> {
     bytes
 }
 
-/// Returns pieces from their bytes. An error is that of the piece computed `again`, here.
+/// Returns pieces from their bytes. For an error, the piece is computed `again`, here.
 fn decode(bytes: &[u8], pieces: Range<usize>, again: &dyn Fn(usize) -> PieceResult) -> Vec<PieceResult> {
     let mut rest = bytes;
     let mut next = |k: usize| {

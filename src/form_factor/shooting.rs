@@ -1,4 +1,4 @@
-//! The part that the shooting methods share: rays leave a patch with a cosine distribution and are tallied where they land.
+//! The common part of the shooting methods: rays leave a patch with a cosine distribution and are tallied where they land.
 //!
 //! Source: Baranoski, Bramley and Shirley 1995, appendix A.
 
@@ -10,7 +10,7 @@ use crate::matrix::{Entry, RayWeights, RowTally};
 use crate::mesh::{Patch, PatchId};
 use crate::visibility::{Coherence, HitBatch, RayBatch};
 
-/// One ray to shoot: where it starts, where the two numbers of its direction point, and its share of the patch.
+/// One ray to shoot: its starting point, the two numbers of its direction, and its share of the patch.
 pub(super) struct Shot {
     /// The starting point on the patch, in world coordinates.
     pub(super) point: DVec3,
@@ -18,11 +18,11 @@ pub(super) struct Shot {
     pub(super) direction: [f64; 2],
     /// The share of the patch's light that this ray carries, up to a common factor.
     pub(super) weight: f64,
-    /// How much coarser rules would change that share, relative to it.
+    /// The change of that share by coarser rules, relative to it.
     pub(super) coarser: [f64; 2],
 }
 
-/// Returns how many nets of low-discrepancy points the rays of a patch come from, if its points have each one of their own.
+/// Returns the number of nets of low-discrepancy points that the rays of a patch come from, if each of its points has one.
 pub(super) fn n_nets(sequence: Sequence, n_points: usize) -> Option<usize> {
     match sequence {
         Sequence::Random => None,
@@ -30,7 +30,7 @@ pub(super) fn n_nets(sequence: Sequence, n_points: usize) -> Option<usize> {
     }
 }
 
-/// Rays that are traced at once: enough to hide the call, few enough to stay in the first cache.
+/// The number of rays that are traced at once: enough to hide the call, few enough to stay in the first cache.
 const BATCH: usize = 512;
 
 /// The buffers of one thread, and the tally of one row at a time.
@@ -67,11 +67,11 @@ impl<'a> Shooter<'a> {
         }
     }
 
-    /// Shoots `shots` from a patch and returns its row: sorted entries (j, F_ij, standard error), and what did not land on a front.
+    /// Shoots `shots` from a patch and returns its row: sorted entries (j, F_ij, standard error), and the tally of rays that hit no front.
     ///
     /// With weights scaled to a sum of 1, F_ij = Σ w over the rays that hit j from the front. The standard error is that of
     /// independent rays, sqrt(F (1 − F) Σ_all w²), for equal weights the binomial sqrt(F (1 − F) / N), and by Laplace's rule where most rays hit j; points of
-    /// M nets have (N F / M)^(−1/8) of it. To it comes, for each coarser rule, what is left of its distance |Σ w c| beyond twice the noise of that, sqrt(Σ (w c)²).
+    /// M nets have (N F / M)^(−1/8) of it. Each coarser rule adds the part of its distance |Σ w c| beyond twice the noise of that, sqrt(Σ (w c)²).
     pub(super) fn row(&mut self, patch: &Patch, shots: impl Iterator<Item = Shot>) -> (&mut [Entry], RowTally) {
         let visibility = self.input.visibility;
         let frame = Frame::from_normal(patch.normal);

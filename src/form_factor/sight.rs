@@ -7,7 +7,7 @@ use crate::mesh::PatchId;
 use crate::visibility::occluders::{OccluderIndex, PairVisibility};
 use crate::visibility::shaft::Shaft;
 
-/// The knowledge of a pair before any ray is traced.
+/// The visibility of a pair before any ray is traced.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sight {
     /// No occluder.
@@ -18,10 +18,10 @@ pub(super) enum Sight {
     Unknown,
 }
 
-/// The faces of a scene as occluders, asked row by row.
+/// The faces of a scene as occluders, read row by row.
 pub(super) struct Sights<'a> {
     input: Input<'a>,
-    /// `None` where nothing blocks.
+    /// `None` where nothing occludes.
     index: Option<OccluderIndex>,
 }
 
@@ -33,9 +33,9 @@ impl<'a> Sights<'a> {
         }
     }
 
-    /// Sets what is known of patch `i` with each of `others`, which are in ascending order.
+    /// Sets the visibility of patch `i` with each of `others`, which are in ascending order.
     ///
-    /// Each patch is classified against whole faces first, then against their patches, among what stands before the face.
+    /// Each patch is classified against whole faces first, then against their patches, among the occluders of the face.
     pub(super) fn row(&self, i: usize, others: &[usize], sights: &mut Vec<Sight>) {
         sights.clear();
         let Some(index) = &self.index else {
@@ -73,7 +73,9 @@ impl Sight {
     }
 }
 
-/// Makes pairs that a shaft calls hidden, because all that they see of each other is lower than its tolerance, whole ones: nothing fits in between. The sides of a sheet stay hidden.
+/// Makes a pair fully visible that a shaft calls hidden because all visible parts are lower than its tolerance.
+///
+/// Nothing fits in between there. The sides of a sheet stay hidden.
 pub(super) fn whole_where_grazing(
     index: &OccluderIndex,
     found: PairVisibility,

@@ -1,4 +1,4 @@
-//! How much of the light of each patch escapes, and how much black backs take.
+//! The fractions of each patch's light that escape, and that back faces absorb.
 
 use rayon::prelude::*;
 
@@ -8,29 +8,30 @@ use super::{Enclosed, Input, Reciprocity};
 use crate::matrix::{FormFactors, RowTally};
 use crate::mesh::Mesh;
 
-/// The fractions of the light of patches, or of surfaces, that fronts receive, and that none does.
+/// The fractions of the light of patches, or of surfaces, that front faces receive, that escapes, and that back faces absorb.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SkyFactors {
     /// The fraction that escapes.
     pub sky: Vec<Fraction>,
     /// The fraction that black back faces absorb.
     pub back: Vec<Fraction>,
-    /// The fraction that fronts receive: Σ_j F_ij, the row sum.
+    /// The fraction that front faces receive: Σ_j F_ij, the row sum.
     pub received: Vec<Fraction>,
 }
 
-/// Returns of each patch the fractions of its light that escape, that backs take and that fronts receive, \[n\]: the sky factor, the back factor and the sum of its row.
+/// Returns the fractions of each patch's light that escape, that back faces absorb and that fronts receive, \[n\].
 ///
-/// sky = 1 − Σ_j F_ij − back. In a scene that is closed for certain nothing escapes, and backs take what is missing from a row; where that was stated by the user, or faces miss each other by up to 1e-8 of their size,
-/// the error has what a row misses of 1. Rays that leave a patch all over are counted, where the
-/// method has such ([`Reciprocity::ToNoise`]). Else back is 0 where faces hide all backs, as the outsides of solids do, or the sum of the form factors to the backs of the faces that may be seen from
+/// These are the sky factor, the back factor and the sum of its row: sky = 1 − Σ_j F_ij − back.
+/// In a scene that is closed for certain nothing escapes, and back faces absorb the part missing from a row; where that was stated by the user, or faces miss each other by up to 1e-8 of their size,
+/// the error has the difference of a row from 1. Rays that leave a patch all over are counted, where the
+/// method has such ([`Reciprocity::ToNoise`]). Otherwise back is 0 where faces hide all back faces, as the outsides of solids do, or the sum of the form factors to the backs of the faces that may be seen from
 /// behind, each computed like one between two fronts, to 1e-5. For patches that see backs past many faces it is the share of rays that meet them: 2^18 rays from each, or 2^24 in all; where
 /// the method shoots rays from a rule's points, as many as it shoots.
 ///
-/// Errors: of counted rays sqrt(p (1 − p) / N), with p = (N f + 1) / (N + 2) of a fraction f of N rays; else the sum of what the entries of the row state (of rays from a rule's points: beyond
-/// their noise, and that of the row), and that of back. They are zero where nothing can be seen. That of the sum of a row is the sum of what its entries state, and its noise: errors of one row may have one sign.
+/// Errors: of counted rays sqrt(p (1 − p) / N), with p = (N f + 1) / (N + 2) of a fraction f of N rays; otherwise the sum of the errors of the row's entries (of rays from a rule's points: beyond
+/// their noise, and that of the row), and that of back. They are zero where nothing can be seen. The error of a row's sum is the sum of its entries' errors, and its noise: errors of one row may have one sign.
 ///
-/// Work: a pass over the rows, O(n log n), and where backs may be seen the pairs of patches and faces at worst.
+/// Work: a pass over the rows, O(n log n), and where back faces may be seen the pairs of patches and faces at worst.
 ///
 /// # Panics
 /// If the mesh has not one patch for every row.
@@ -46,7 +47,7 @@ pub fn sky_factors(
     let n = input.mesh.n_patches();
     assert_eq!(n, tallies.len(), "one patch per row");
     let is_known = enclosed.closed && enclosed.certain;
-    // Points that stand for a patch may miss what the rest of it sees.
+    // Points that stand for a patch may miss the view from the rest of it.
     let counts = |tally: &RowTally| tally.n_rays > 0 && reciprocity == Reciprocity::ToNoise;
     let wanted: Vec<bool> = tallies.iter().map(|tally| !is_known && !counts(tally)).collect();
     let n_rays = tallies.iter().map(|tally| tally.n_rays).max().filter(|most| *most > 0);
@@ -81,7 +82,7 @@ pub fn sky_factors(
             variance: received.variance + back.variance,
         };
         let nothing = Fraction::default();
-        // What a row misses of 1 may have escaped where that cannot be ruled out.
+        // The difference of a row from 1 may have escaped where that cannot be ruled out.
         let at_most = |missed: f64| Fraction {
             common: missed.min(enclosed.may_escape[i]),
             ..nothing
@@ -109,7 +110,7 @@ pub fn sky_factors(
 }
 
 impl SkyFactors {
-    /// Returns the area means over each surface, \[n_surfaces\]; 0 of a surface without patches.
+    /// Returns the area means over each surface, \[n_surfaces\]; 0 for a surface without patches.
     #[must_use]
     pub fn of_surfaces(&self, mesh: &Mesh, n_surfaces: usize) -> Self {
         let mut areas = vec![0.0; n_surfaces];

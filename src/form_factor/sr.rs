@@ -17,15 +17,15 @@ use crate::progress::Progress;
 /// F_ij ≈ (rays from i whose first hit is the front of j) / N; the points are uniform on the patch, the directions have the density cos θ / π.
 /// Unbiased but for the lift of the starting points (see [`Visibility::offset`](crate::visibility::Visibility::offset));
 /// standard error sqrt(F (1 − F) / N) with [`Sequence::Random`], and (N F)^(−1/8) of that with [`Sequence::Sobol`] from one hit on: of k cells of a net in four dimensions, the border of
-/// a patch passes through about k^(3/4), and these alone are in doubt. The mean square of the true error is 0.3 to 1.0 of that (1,024 to 16,384 rays, one to 8,000 hits, six scenes).
+/// a patch passes through about k^(3/4), and these alone are uncertain. The mean square of the true error is 0.3 to 1.0 of that (1,024 to 16,384 rays, one to 8,000 hits, six scenes).
 /// An entry that no ray hit states 1.5 / N, or the factor without occluders where that is less.
-/// Reciprocity holds to the noise only; rows sum to 1 less what escaped or met a back.
+/// Reciprocity holds to the noise only; rows sum to 1 less the fraction that escaped or met a back face.
 /// Source: Baranoski, Bramley and Shirley 1995, appendix A. Departures: the Sobol sequence is the default.
 #[derive(Clone, Copy, Debug)]
 pub struct RandomShooting {
     /// N, the number of rays of each patch.
     pub rays: u64,
-    /// The kind of numbers.
+    /// The source of the numbers.
     pub sequence: Sequence,
     /// The seed of all streams.
     pub seed: u64,

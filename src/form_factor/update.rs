@@ -7,7 +7,7 @@ use crate::matrix::FormFactors;
 use crate::scene::{FaceId, Scene};
 use crate::visibility::shaft::Shaft;
 
-/// Which faces of a scene are elsewhere than before, and where they were and are.
+/// The faces of a scene that moved, with their positions before and after.
 ///
 /// The exchange area of two patches depends on their corners and on the faces between them. It is the same as before if neither patch is on a face
 /// that moved, and no such face, where it was or where it is, reaches into the convex hull of the two patches: all segments between them run there.
@@ -28,7 +28,7 @@ struct Group {
 }
 
 impl Change {
-    /// Compares two scenes with the same faces in the same order; a face moved if a corner is not the same to the last bit.
+    /// Compares two scenes with the same faces in the same order; a face moved if a corner differs in any bit.
     ///
     /// # Panics
     /// If the numbers of faces, of the corners of a face, or the surfaces of the faces differ.
@@ -68,7 +68,7 @@ impl Change {
         self.groups.is_empty()
     }
 
-    /// Returns how many faces moved.
+    /// Returns the number of faces that moved.
     #[must_use]
     pub fn n_faces(&self) -> usize {
         self.moved.iter().filter(|moved| **moved).count()
@@ -79,7 +79,7 @@ impl Change {
         self.moved[face.0 as usize]
     }
 
-    /// Returns whether anything that moved reaches, or reached, in between two convex polygons, which stayed. May err on the side of true.
+    /// Returns whether anything that moved reaches, or reached, in between two convex polygons, which stayed; it may return true where that is uncertain.
     ///
     /// A result for two polygons holds for all their parts. Tolerance: that of [`OccluderIndex`](crate::visibility::occluders::OccluderIndex).
     pub(super) fn may_come_between(&self, p: &[DVec3], q: &[DVec3]) -> bool {
@@ -102,9 +102,9 @@ impl Group {
 /// The results from before a change.
 #[derive(Clone, Copy, Debug)]
 pub struct Before<'a> {
-    /// The form factors, as the same method with the same settings made them of the patches that have been moved since, without repairs.
+    /// The form factors by the same method with the same settings before the move, without repairs.
     pub factors: &'a FormFactors,
-    /// Whether they are within their tolerance: if not, pairs that are taken over are looked at again for errors above it.
+    /// Whether they are within their tolerance: if not, pairs that are taken over are tested again for errors above it.
     pub tolerance_met: bool,
     /// The change since then.
     pub change: &'a Change,

@@ -1,4 +1,4 @@
-//! All pairs of boxes that overlap, and all boxes that overlap another one, without looking at all of them.
+//! All pairs of boxes that overlap, and all boxes that overlap another one, found without visiting all.
 
 use std::ops::ControlFlow;
 
@@ -7,7 +7,7 @@ use glam::DVec3;
 /// A group of at most this many boxes is not split.
 const LEAF: usize = 4;
 
-/// Where so many boxes or more are below a node, threads share the work.
+/// The number of boxes below a node from which on threads share the work.
 const PARALLEL: usize = 1 << 12;
 
 /// Some boxes: a range of the tree's order.
@@ -42,7 +42,7 @@ pub(crate) fn overlapping_pairs(boxes: Vec<(DVec3, DVec3)>, mut visit: impl FnMu
     BoxTree::new(boxes).within(0, &mut visit);
 }
 
-/// Returns what `visit` makes of the pairs of [`overlapping_pairs`], in their order whatever the number of threads.
+/// Returns the results of `visit` for the pairs of [`overlapping_pairs`], in their order whatever the number of threads.
 pub(crate) fn collected_pairs<T: Send>(
     boxes: Vec<(DVec3, DVec3)>,
     visit: impl Fn(u32, u32, &mut Vec<T>) + Sync,
@@ -60,7 +60,7 @@ pub(crate) struct BoxTree {
     nodes: Vec<Node>,
 }
 
-/// Returns how many nodes the tree of `n` boxes has.
+/// Returns the number of nodes of the tree of `n` boxes.
 fn n_nodes(n: usize) -> usize {
     if n <= LEAF {
         1
@@ -70,7 +70,7 @@ fn n_nodes(n: usize) -> usize {
 }
 
 impl BoxTree {
-    /// Takes the boxes by their least and greatest corners. Work: O(n log n).
+    /// Builds the tree of boxes given by their least and greatest corners. Work: O(n log n).
     pub(crate) fn new(boxes: Vec<(DVec3, DVec3)>) -> Self {
         let n = u32::try_from(boxes.len()).unwrap_or(0);
         let mut order: Vec<u32> = (0..n).collect();
@@ -86,14 +86,16 @@ impl BoxTree {
     ///
     /// Work: O(log n) and the number of boxes found, for boxes that are small beside the space that they fill.
     pub(crate) fn overlapping(&self, other: (DVec3, DVec3), visit: &mut impl FnMut(u32)) {
-        // Nothing breaks off.
+        // The search visits all.
         let _ = self.meeting(&|own| overlap(own, other), &mut |k| {
             visit(k);
             ControlFlow::Continue(())
         });
     }
 
-    /// Calls `visit` once for each of the boxes that meets something, by its place in the list, until it breaks: `meets` tells it of a box, and of each box around several.
+    /// Calls `visit` once for each box for which `meets` is true, by its place in the list, until it breaks.
+    ///
+    /// `meets` is called with single boxes, and with boxes around several.
     pub(crate) fn meeting(
         &self,
         meets: &impl Fn((DVec3, DVec3)) -> bool,
@@ -222,7 +224,7 @@ impl BoxTree {
     }
 }
 
-/// Fills the nodes of a subtree whose boxes `order` has, the first of them at `first` of all; its root is node `at` of all.
+/// Fills the nodes of a subtree whose boxes are in `order`; `first` is the place of its first box and `at` the number of its root.
 fn grow(boxes: &[(DVec3, DVec3)], order: &mut [u32], first: u32, nodes: &mut [Node], at: usize) {
     let (low, high) = order.iter().fold((Node::NONE.low, Node::NONE.high), |(low, high), &k| {
         let (l, h) = boxes[k as usize];

@@ -2,10 +2,10 @@
 
 use glam::DVec3;
 
-/// Passes on the corners of the part of a polygon where `height` is not negative, in order.
+/// Emits the corners of the part of a polygon where `height` is not negative, in order.
 ///
 /// Each polygon edge is cut at most once ([`SUTHERLAND_HODGMAN_1974`](crate::references::SUTHERLAND_HODGMAN_1974), with one plane). `corner(k)` gives the k-th of
-/// `n_corners` corners and `height` must be affine. A corner may be passed on twice where the polygon only touches the
+/// `n_corners` corners and `height` must be affine. A corner may be emitted twice where the polygon only touches the
 /// plane; a part that falls into pieces comes back joined by edges in the plane, whose contour integrals cancel.
 /// Accuracy: a cut point is within a few ulps of the edge's length of the exact one. Departures: none.
 pub fn clip_contour(

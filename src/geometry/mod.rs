@@ -1,4 +1,4 @@
-//! Polygons, closed forms, quadrature rules and sampling: mathematics that knows nothing of scenes.
+//! Polygons, closed forms, quadrature rules and sampling: mathematics without scenes.
 
 pub(crate) mod box_pairs;
 pub mod clip;

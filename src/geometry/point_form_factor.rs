@@ -11,7 +11,7 @@ use super::polygon;
 ///
 /// F = −1/(2π) Σ_k n · (r_k × r_{k+1}) θ_k / |r_k × r_{k+1}|, with r_k the corners seen from the point, θ_k the angle
 /// between r_k and r_{k+1}, and the polygon cut at the point's horizon n · r = 0. The corners run counter-clockwise
-/// seen from the polygon's front, hence the minus; a simple polygon need not be convex. Occlusion is not looked at.
+/// seen from the polygon's front, hence the minus; a simple polygon need not be convex. Occlusion is ignored.
 ///
 /// The result is in \[0, 1\], and 0 where the polygon's front does not face the point. A point within 8 ulps (of its
 /// distance to the farthest corner) of the polygon's plane counts as in it. Edges of no length are skipped.
@@ -29,7 +29,7 @@ pub fn point_form_factor(point: DVec3, normal: DVec3, polygon: &[DVec3]) -> f64 
     };
     let level = normal.dot(seen.centre);
     let vector = seen.contour_vector(polygon.len(), |offset| level + normal.dot(offset));
-    // Clamping only takes away rounding, the exact sum is in [0, 1]; adding zero makes −0 a plain 0.
+    // The exact sum is in [0, 1], so that clamping only removes rounding; adding zero makes −0 a plain 0.
     (-normal.dot(vector) / TAU).clamp(0.0, 1.0) + 0.0
 }
 
@@ -49,7 +49,7 @@ struct Seen<'a> {
     middle: DVec3,
     /// From the point to the polygon's middle; zero where the sum is taken about the point itself.
     centre: DVec3,
-    /// From the point to the polygon's first corner where `centre` is zero, else unused.
+    /// From the point to the polygon's first corner where `centre` is zero, otherwise unused.
     first: DVec3,
 }
 
@@ -148,10 +148,10 @@ fn angle_over_sine(sine_squared: f64, cosine: f64) -> f64 {
     }
 }
 
-/// Returns arctan(x)/x for x² up to 0.09: the Taylor series, whose first term left out is below 7e-18.
+/// Returns arctan(x)/x for x² up to 0.09, by the Taylor series; its first omitted term is below 7e-18.
 #[inline(always)]
 pub(super) fn angle_over_tangent(x_squared: f64) -> f64 {
-    /// 1/(2k + 1) with the sign of (−1)^k, one row for each k mod 4: four sums that do not wait for each other.
+    /// 1/(2k + 1) with the sign of (−1)^k, one row for each k mod 4: four independent sums.
     const SERIES: [[f64; 4]; 4] = [
         [1.0, 1.0 / 9.0, 1.0 / 17.0, 1.0 / 25.0],
         [-1.0 / 3.0, -1.0 / 11.0, -1.0 / 19.0, -1.0 / 27.0],
@@ -168,7 +168,7 @@ pub(super) fn angle_over_tangent(x_squared: f64) -> f64 {
 /// Returns one edge's term without its part that adds up to zero around the contour.
 ///
 /// With r = c + d and θ/|r_a × r_b| = (1 + δ)/c², the term is ((1 + δ) c × (b − a) + (1 + δ) a × b)/c². Around the closed contour
-/// Σ c × (b − a) vanishes, so that only δ c × (b − a) is kept: what is left is of the order of the polygon's solid angle.
+/// Σ c × (b − a) vanishes, so that only δ c × (b − a) is kept: the rest is of the order of the polygon's solid angle.
 pub(crate) fn far_term(c: DVec3, a: DVec3, b: DVec3) -> DVec3 {
     let edge = b - a;
     let c_squared = c.length_squared();
@@ -193,7 +193,7 @@ fn inverse_length_deviation(c: DVec3, c_squared: f64, d: DVec3) -> f64 {
 
 /// Returns θ / sin θ − 1 to full relative accuracy.
 fn angle_over_sine_deviation(theta: f64) -> f64 {
-    // 2 (2^(2n−1) − 1) |B_2n| / (2n)!; below 0.2 the first term left out is 2e-16 of the sum.
+    // 2 (2^(2n−1) − 1) |B_2n| / (2n)!; below 0.2 the first omitted term is 2e-16 of the sum.
     const SERIES: [f64; 7] = [
         1.0 / 6.0,
         7.0 / 360.0,

@@ -16,7 +16,7 @@ pub fn area_vector(corners: &[DVec3]) -> DVec3 {
     rest.windows(2).map(|w| (w[0] - c).cross(w[1] - c)).sum::<DVec3>() * 0.5
 }
 
-/// Returns the least and the greatest corner of the box around points: infinite, and the wrong way round, of none.
+/// Returns the least and the greatest corner of the box around points; without points the box is infinite and inverted.
 #[must_use]
 pub fn bounds<'a>(points: impl IntoIterator<Item = &'a DVec3>) -> (DVec3, DVec3) {
     let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -88,8 +88,9 @@ pub fn planarity_error(corners: &[DVec3]) -> f64 {
     corners.iter().map(|&v| normal.dot(v - mean).abs()).fold(0.0, f64::max)
 }
 
-/// Returns the solid angle of a polygon as the origin sees it, sr: positive from behind, negative where its normal, by the right-hand rule of its corners, looks at the origin.
+/// Returns the solid angle of a polygon as the origin sees it, sr: positive from behind.
 ///
+/// It is negative where its normal, by the right-hand rule of its corners, faces the origin.
 /// tan(Ω/2) = a · (b × c) / (abc + (a · b) c + (b · c) a + (c · a) b) for each triangle of a fan. Source: A. van Oosterom, J. Strackee, "The Solid Angle of a Plane Triangle", IEEE Transactions on
 /// Biomedical Engineering 30(2), 1983. Departures: none.
 #[must_use]

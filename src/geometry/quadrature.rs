@@ -46,9 +46,9 @@ impl GaussProduct {
         self.line.len() * self.line.len()
     }
 
-    /// Returns by how much the weight of each node along a side changes, relative to it, in the rule through every other node from both ends
-    /// that is exact for as many degrees as it has nodes; `None` with fewer than three nodes, where that leaves nothing to compare.
+    /// Returns the relative change of each node's weight along a side in the rule through every other node from both ends.
     ///
+    /// That rule is exact for as many degrees as it has nodes; `None` with fewer than three nodes, where nothing remains to compare.
     /// w'_k = ∫ ℓ_k over the nodes that stay, by the rule itself, which is exact for it; −1 for the others.
     #[must_use]
     pub(crate) fn coarser(&self) -> Option<Vec<f64>> {

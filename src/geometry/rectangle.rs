@@ -9,14 +9,14 @@ use glam::DVec3;
 /// Cosines below this count as zero: the tolerance on right angles and on parallel edges.
 const ANGLE_TOLERANCE: f64 = 1e-12;
 
-/// Returns A₁F₁₂ in m² between two unoccluded rectangles whose edges are parallel, or `None` if they are not such.
+/// Returns A₁F₁₂ in m² between two unoccluded rectangles whose edges are parallel; `None` for any other polygons.
 ///
 /// A₁F₁₂ = 1/(2π) Σ ± \[G(a₂ − b₁) − G(a₁ − b₁) − G(a₂ − b₂) + G(a₁ − b₂)\] over the pairs of parallel edges \[a₁, a₂\], \[b₁, b₂\], with
 /// G(u; d²) = (u² − d²)/4 ln(u² + d²) − 3u²/4 + d u atan(u/d), d the distance of the edges' lines and G(0; 0) = 0; the sign is that of the
 /// edges' directions along the contours. It is ∮∮ ln r dr₁·dr₂ / (2π), integrated.
 ///
 /// Both planes may be parallel or perpendicular, at any offset and in any rotated frame. Corners run counter-clockwise
-/// seen from the front; what lies behind the other's front is cut off first, which leaves rectangles. Rectangles in one
+/// seen from the front; the part behind the other's front is cut off first, which leaves rectangles. Rectangles in one
 /// plane or back to front give `Some(0.0)`. Angles are taken as right within 1e-12.
 ///
 /// Accuracy: 3e-15 of the squared diameter of the pair, absolute. Terms cancel: the relative error grows to 1e-11 at F = 1e-4, so that
@@ -43,7 +43,7 @@ pub fn rectangle_exchange_area(from: &[DVec3], to: &[DVec3]) -> Option<f64> {
         (2, true) => 0.0,
         (2, false) => parallel(first, second.intervals),
         (axis, faces_up) => {
-            // Let the second rectangle stand in the plane x = c and face towards +x.
+            // Move the second rectangle into the plane x = c, facing +x.
             let mut boxed = [first[axis], first[1 - axis]];
             let mut stands = [second.intervals[axis], second.intervals[1 - axis], second.intervals[2]];
             if !faces_up {
@@ -79,7 +79,7 @@ impl Interval {
         *self = Self::new(-self.low, -self.high);
     }
 
-    /// Cuts off what lies below `bound`; returns `None` if nothing is left.
+    /// Cuts off the part below `bound`; returns `None` if that is all.
     fn above(self, bound: f64) -> Option<Self> {
         (self.high > bound).then_some(Self {
             low: self.low.max(bound),
@@ -135,7 +135,7 @@ impl Rectangle {
         let intervals = [0, 1, 2].map(|k| {
             let coordinates = self.corners.map(|v| other.axes[k].dot(v - other.corners[0]));
             if k == flat_axis {
-                // One plane, not four roundings of it.
+                // One plane, instead of four roundings of it.
                 let mean = 0.25 * coordinates.iter().sum::<f64>();
                 return Interval::new(mean, mean);
             }

@@ -1,4 +1,4 @@
-//! Points to integrate with: pseudo-random and low-discrepancy numbers, directions, places on a patch.
+//! Points for integration: pseudo-random and low-discrepancy numbers, directions, positions on a patch.
 
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
@@ -24,7 +24,7 @@ pub enum Sequence {
 }
 
 impl Sequence {
-    /// The names, each with what it stands for.
+    /// The names, each with its description.
     pub const NAMES: &[(&str, &str)] = &[
         ("sobol", "Owen-scrambled Sobol points"),
         ("random", "Independent pseudo-random numbers"),
@@ -62,7 +62,7 @@ enum Source {
     Random(Pcg64Dxsm),
 }
 
-/// The longest Sobol sequence that one scramble has; a longer stream goes on with the next scramble.
+/// The length of one scramble's Sobol sequence; a longer stream continues with the next scramble.
 const SOBOL_LENGTH: u64 = 1 << 16;
 
 impl PointStream {
@@ -81,7 +81,7 @@ impl PointStream {
         }
     }
 
-    /// Passes over the next n points. Work: O(1) for Sobol points, O(n) for random ones.
+    /// Skips the next n points. Work: O(1) for Sobol points, O(n) for random ones.
     pub fn skip(&mut self, n: u64) {
         match &mut self.0 {
             Source::Sobol { next, .. } => *next += n,
@@ -172,7 +172,7 @@ pub fn cosine_direction(u: f64, v: f64) -> DVec3 {
 
 /// Maps the unit square to a triangle or a planar convex quad, uniformly by area.
 ///
-/// A triangle by the square-root map; a quad is cut along its first diagonal, in proportion to the two areas.
+/// A triangle uses the square-root map; a quad is cut along its first diagonal, in proportion to the two areas.
 #[derive(Clone, Debug)]
 pub struct UniformOnPolygon {
     corners: [DVec3; 4],

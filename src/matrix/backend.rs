@@ -9,12 +9,12 @@ use super::error::{DiskError, MatrixError};
 use super::operator::Block;
 use super::tile::{Entry, index};
 
-/// Returns the part of `n` things that is rank `rank`'s of `n_ranks`.
+/// Returns the part of `n` items that belongs to rank `rank` of `n_ranks`.
 pub(in crate::matrix) fn share_of(n: usize, rank: usize, n_ranks: usize) -> Range<usize> {
     n * rank / n_ranks..n * (rank + 1) / n_ranks
 }
 
-/// A stored n by n matrix F, whatever its layout, precision and place.
+/// A stored n by n matrix F, of any layout, precision and place.
 ///
 /// F_ij is the number stored for (i, j), times f_i where there are [`row_factors`](Self::row_factors). Products are
 /// products with F. Where a disk cannot be read, numbers are NaN from then on, and [`failure`](Self::failure) returns the reason.
@@ -25,10 +25,10 @@ pub(in crate::matrix) trait Backend: Debug + Send + Sync {
     /// Computes y = F x.
     fn apply(&self, x: &Block, y: &mut Block);
 
-    /// Does the part of a pass that is rank `rank`'s of `n_ranks`, and returns numbers for [`end_pass`](Self::end_pass).
+    /// Computes the share of a pass of rank `rank` of `n_ranks`, and returns numbers for [`end_pass`](Self::end_pass).
     fn share_of_pass(&self, x: &Block, rank: usize, n_ranks: usize) -> Vec<f64>;
 
-    /// Sets y to F x, to the bytes of [`apply`](Self::apply), from what [`share_of_pass`](Self::share_of_pass) returned on each rank, one after the other.
+    /// Sets y to F x, to the bytes of [`apply`](Self::apply), from the results of [`share_of_pass`](Self::share_of_pass) on each rank, one after the other.
     fn end_pass(&self, shares: &[f64], y: &mut Block);
 
     /// Returns the bytes that a pass reads.
@@ -37,7 +37,7 @@ pub(in crate::matrix) trait Backend: Debug + Send + Sync {
     /// Adds Σ_{j ≠ i} F_ij x_j to `sum` and returns F_ii.
     fn dot_off_diagonal(&self, i: usize, x: &Block, sum: &mut [f64]) -> f64;
 
-    /// Adds `factor` F_ij to `sum[j]` for every j, and returns how many entries of the row that took.
+    /// Adds `factor` F_ij to `sum[j]` for every j, and returns the number of entries visited.
     fn add_row(&self, i: usize, factor: f64, sum: &mut [f64]) -> usize {
         let row_factor = factor * self.row_factors().map_or(1.0, |factors| factors[i]);
         let mut n_entries = 0;
@@ -64,7 +64,7 @@ pub(in crate::matrix) trait Backend: Debug + Send + Sync {
         None
     }
 
-    /// Returns the matrix with d_i s_ij d_j in place of s_ij, its standard errors scaled alike and the steps of its numbers added to them.
+    /// Returns the matrix with d_i s_ij d_j in place of s_ij; standard errors are scaled alike, and the steps of the numbers added to them.
     ///
     /// # Errors
     /// [`MatrixError::NotSymmetric`] where F itself is stored; [`MatrixError::Value`], [`MatrixError::Disk`].
@@ -72,25 +72,25 @@ pub(in crate::matrix) trait Backend: Debug + Send + Sync {
         Err(MatrixError::NotSymmetric)
     }
 
-    /// Returns how many numbers are not zero, those that other ranks store included.
+    /// Returns the number of nonzero entries, those that other ranks store included.
     fn n_nonzero(&self) -> usize;
 
-    /// Returns the bytes of numbers and standard errors in memory or on the disk: those of one process that stores all of them.
+    /// Returns the bytes of numbers and standard errors, in memory or on the disk, of one process that stores all of them.
     fn stored_byte(&self) -> usize;
 
     /// Returns the rows of which this rank stores every number; `None` where it stores all rows.
     ///
-    /// Where it does not, [`for_each`](Self::for_each) visits what it stores of the other rows, and [`apply`](Self::apply) is collective.
+    /// Where it does not, [`for_each`](Self::for_each) visits the entries of other rows that it stores, and [`apply`](Self::apply) is collective.
     fn held_rows(&self) -> Option<Range<usize>> {
         None
     }
 
-    /// Returns the matrix with all rows; `None` where this is such a one. Collective.
+    /// Returns the matrix with all rows; `None` where it has all already. Collective.
     fn whole(&self) -> Option<Arc<dyn Backend>> {
         None
     }
 
-    /// Returns where the numbers are.
+    /// Returns the place of the numbers.
     fn place(&self) -> Place<'_> {
         Place::default()
     }

@@ -6,17 +6,17 @@ use std::sync::Arc;
 
 /// Bounds of form factors that no ray of a row has hit.
 pub(crate) trait UpperBounds: Debug + Send + Sync {
-    /// Returns whether part of each patch lies in front of the other's plane; else F_ij is 0.
+    /// Returns whether part of each patch lies in front of the other's plane; otherwise F_ij is 0.
     fn are_facing(&self, i: usize, j: usize) -> bool;
 
-    /// Returns what F_ij may be, above 0 for patches that face each other, if the number of rays allows `by_count`.
+    /// Returns the greatest possible F_ij, above 0 for patches that face each other, if the number of rays allows `by_count`.
     fn missed(&self, i: usize, j: usize, by_count: f64) -> f64;
 
-    /// Returns the number of points along each side of a patch that its rays start from, if they start from points.
+    /// Returns the number of points along each side of a patch that its rays start from; `None` if they start anywhere.
     fn points(&self) -> Option<NonZeroUsize>;
 }
 
-/// How much the entries that are not stored may be.
+/// The greatest possible size of entries that are not stored.
 #[derive(Clone, Debug)]
 pub(in crate::matrix) struct Open {
     pub(in crate::matrix) bounds: Arc<dyn UpperBounds>,
@@ -25,7 +25,7 @@ pub(in crate::matrix) struct Open {
 }
 
 impl Open {
-    /// Returns the same of entries that stand for the rays of both patches.
+    /// Returns the same for entries that stand for the rays of both patches.
     pub(in crate::matrix) fn pooled(&self) -> Self {
         Self {
             is_pooled: true,

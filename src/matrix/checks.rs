@@ -1,4 +1,4 @@
-//! How good form factors are, as far as they can tell by themselves.
+//! Checks of form factors by their own closure, reciprocity and bounds.
 
 use serde::Serialize;
 
@@ -76,15 +76,16 @@ impl<'a> From<&'a [bool]> for Closed<'a> {
 pub struct RowTargets {
     /// Σ_j F_ij + lost_i.
     pub sums: Vec<f64>,
-    /// An estimate of the fraction of the row's light that no front receives, where that is not known for certain: it gives way as the entries do. 0 in
-    /// rows whose sums are to be met as they are.
+    /// An estimate of the fraction of the row's light that no front receives, where that is uncertain.
+    ///
+    /// It may be changed as the entries are. 0 in rows whose sums are to be met exactly.
     pub lost: Vec<f64>,
     /// The variance of each estimate.
     pub lost_variance: Vec<f64>,
 }
 
 impl RowTargets {
-    /// Lets a row keep the sum that it has.
+    /// Lets a row keep its sum.
     ///
     /// # Panics
     /// If there is no such row.
@@ -103,7 +104,7 @@ impl RowTargets {
 }
 
 impl From<&[f64]> for RowTargets {
-    /// Returns sums that are to be met as they are.
+    /// Returns sums that are to be met exactly.
     fn from(sums: &[f64]) -> Self {
         Self {
             sums: sums.to_vec(),
@@ -168,7 +169,7 @@ impl FormFactors {
         for (i, row_sum) in rows.zip(row_sums) {
             checks.row_sum.min = checks.row_sum.min.min(row_sum);
             checks.row_sum.max = checks.row_sum.max.max(row_sum);
-            // What slips out of a closed row is an error, however well it is counted.
+            // Light that leaves a closed row is an error, however well it is counted.
             let lost = if closed.row(i) { Some(0.0) } else { self.lost(i, closed) };
             let error = lost.map(|lost| (1.0 - row_sum - lost).abs());
             checks.closure_error_max = greater(checks.closure_error_max, error);
@@ -176,8 +177,10 @@ impl FormFactors {
         checks
     }
 
-    /// Returns the fraction of the light of patch i that no front receives, where it is known: that of its rays that escaped or that backs took; in a row that `closed`
-    /// names none may escape, and backs take what slips in where two faces touch.
+    /// Returns the fraction of the light of patch i that no front receives, where it is known.
+    ///
+    /// It is the fraction of its rays that escaped or that back faces absorbed; in a row that `closed`
+    /// names none may escape, and back faces absorb the rays that slip in where two faces touch.
     pub(crate) fn lost(&self, i: usize, closed: Closed<'_>) -> Option<f64> {
         let tally = &self.tallies[i];
         if closed.row(i) {
@@ -188,9 +191,9 @@ impl FormFactors {
 
     /// Returns the row sums that [`balanced`](Self::balanced) should restore.
     ///
-    /// A row that `closed` names has the sum 1 less the fraction of its rays that backs took. Another row of rays has the sum 1 together with what it
-    /// loses, which is known as the fraction of its N rays that escaped or that backs took: p (1 − p) / N is its variance, with p = (N lost + 1) / (N + 2), which does not
-    /// vanish where no ray, or every ray, is lost. A row without rays keeps the sum that it has.
+    /// A row that `closed` names has the sum 1 less the fraction of its rays that back faces absorbed. Another row of rays has the sum 1 together with its
+    /// loss, the fraction of its N rays that escaped or that back faces absorbed. The variance of the loss is p (1 − p) / N with p = (N lost + 1) / (N + 2), which does not
+    /// vanish where no ray, or every ray, is lost. A row without rays keeps its sum.
     #[must_use]
     pub fn row_targets<'a>(&self, closed: impl Into<Closed<'a>>) -> RowTargets {
         let closed = closed.into();
@@ -209,7 +212,7 @@ impl FormFactors {
 }
 
 impl Checks {
-    /// Returns what rows say, for other ranks.
+    /// Returns the checks as numbers for other ranks.
     fn numbers(&self) -> [f64; 6] {
         [
             self.row_sum.min,

@@ -1,4 +1,4 @@
-//! How form factors are stored: layout, precision and place.
+//! The storage of form factors: layout, precision and place.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -7,7 +7,9 @@ use serde::Serialize;
 
 use crate::ranks::Ranks;
 
-/// The share of non-zero entries from which a tile is stored in full, rows as well as squares. At a half, entries alone take 0.53 of the memory and 0.6 to 0.7 of the time of a pass where they lie in runs,
+/// The share of non-zero entries from which a tile is stored in full, rows as well as squares.
+///
+/// At a half, entries alone take 0.53 of the memory and 0.6 to 0.7 of the time of a pass where they lie in runs,
 /// 0.8 to 1.0 where they do not (three channels: 0.75 to 0.9 and 1.1); in a cache rows take 1.0 to 1.3 times as long, and sweeps by rows of squares take 2.0 to 2.3 times as long
 /// (f32, AVX-512; `cargo bench --bench matrix -- f32 1/2`, with 1536 for a cache).
 const DENSE_FROM: f64 = 0.5;
@@ -55,7 +57,7 @@ pub enum Precision {
     F64,
 }
 
-/// Layout, precision and place of stored form factors. Standard errors, where there are any, are stored in f32 beside them.
+/// Layout, precision and place of stored form factors; their standard errors are stored in f32 beside them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StorageChoice<'a> {
     /// Dense, sparse, or whichever suits each tile.
@@ -70,7 +72,7 @@ pub struct StorageChoice<'a> {
 
 /// The ranks that work on a matrix together.
 ///
-/// Each works on a range of rows. In memory a rank stores the rows that are its own or, of exchange areas, the tiles that these need, at most 2 / K of those of one process on K ranks; what is on a disk each rank stores whole.
+/// Each works on a range of rows. In memory a rank stores its own rows or, of exchange areas, the tiles that these need: on K ranks at most 2 / K of those of one process. A matrix on a disk is stored whole by each rank.
 /// Functions that read the whole matrix are then collective: each rank calls them in the same order.
 #[derive(Clone, Copy, Debug)]
 pub struct Among<'a>(pub &'a Arc<dyn Ranks>);
@@ -83,7 +85,7 @@ impl PartialEq for Among<'_> {
 
 impl Eq for Among<'_> {}
 
-/// Where on a disk a matrix is kept, and how much memory may be spent on it.
+/// The place of a matrix on a disk, and the memory that may be spent on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scratch<'a> {
     /// The directory in which the scratch file is made. It should lie on a disk: a directory that the system keeps in memory saves none.
@@ -92,7 +94,7 @@ pub struct Scratch<'a> {
     pub memory_byte: u64,
 }
 
-/// Where numbers are kept.
+/// The place of the numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place<'a> {
     /// In memory.
@@ -105,7 +107,7 @@ pub enum Place<'a> {
 }
 
 impl Default for Place<'_> {
-    /// In memory, with 256 MB for rows that wait: so many that threads seldom wait for one another, and little beside a large matrix.
+    /// In memory, with 256 MB for rows that wait: enough that threads seldom wait for one another, and little beside a large matrix.
     fn default() -> Self {
         Self::Memory {
             waiting_byte: 256_000_000,

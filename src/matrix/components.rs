@@ -48,7 +48,7 @@ fn numbered(mut sets: DisjointSets, n: usize) -> Components {
 }
 
 impl FormFactors {
-    /// Returns the connected components where this rank stores the rows `held`: those that the rows of each rank make are joined. Collective.
+    /// Returns the connected components where this rank stores the rows `held`, by joining those of all ranks' rows. Collective.
     pub(super) fn components_of_parts(&self, held: Range<usize>) -> Components {
         let n = self.n_rows();
         let n_alone = if self.is_symmetric() { count_alone(self) } else { 0 };
@@ -74,11 +74,13 @@ impl FormFactors {
     }
 }
 
-/// Rows after which all patches that see one another mostly are one component, and what is left are patches that see nothing, such as the underside of a box on the floor: these are worth a pass, which is
-/// many times as fast as going through the entries.
+/// The number of rows after which patches without any exchange are counted by a pass.
+///
+/// By then all patches that see one another mostly are one component. The rest are patches that see nothing, such as the underside of a box on the floor: a pass finds them
+/// many times as fast as a visit of the entries.
 const ROWS_BEFORE: usize = 64;
 
-/// Returns how many patches see nothing, and so, the matrix being symmetric, are seen by none.
+/// Returns the number of patches that see nothing; as the matrix is symmetric, none sees them.
 fn count_alone(operator: &dyn LinearOperator) -> usize {
     let ones = Block::from_values(vec![1.0; operator.n_rows()], 1);
     let mut row_sums = Block::zeros(operator.n_rows(), 1);

@@ -1,4 +1,4 @@
-//! Errors of form factors, and with the disk that they lie on.
+//! Errors of form factors, and of the disk that they are on.
 
 use std::path::{Path, PathBuf};
 use std::{fmt, io};
@@ -64,7 +64,7 @@ pub enum MatrixError {
         /// The column.
         column: u32,
     },
-    /// A form factor or standard error that is infinite or not a number, or that is so in the precision asked for; or a negative standard error.
+    /// A form factor or standard error that is not finite, also in the precision asked for; or a negative standard error.
     #[error("the form factor from patch {row} to patch {column} or its standard error is not a usable number")]
     Value {
         /// The row.
@@ -72,7 +72,7 @@ pub enum MatrixError {
         /// The column.
         column: u32,
     },
-    /// A form factor below 0, in a file: a method's own rounding is not refused.
+    /// A form factor below 0 in a file; a method's own rounding is accepted.
     #[error("the form factor from patch {row} to patch {column} is {value:e}; a form factor is at least 0")]
     Negative {
         /// The row.
@@ -90,7 +90,7 @@ pub enum MatrixError {
         /// The request.
         target: f64,
     },
-    /// A balance was asked for form factors that are not symmetric as exchange areas.
+    /// Form factors to be balanced are not symmetric as exchange areas.
     #[error("only symmetric exchange areas can be balanced: symmetrise the form factors first")]
     NotSymmetric,
     /// Form factors on a disk could not be written or read.
@@ -109,7 +109,7 @@ impl MatrixError {
     }
 }
 
-/// Why a scratch file could not be written or read. It has no name, so the directory that it lies in stands for it.
+/// Why a scratch file could not be written or read; the file has no name, so that its directory is reported.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum DiskError {

@@ -45,9 +45,9 @@ impl FormFactors {
         Ok(Self::of(areas, exchange, vec![RowTally::default(); n], storage))
     }
 
-    /// Returns the exchange areas of row i above the diagonal, as [`from_exchange_tiles`](Self::from_exchange_tiles) takes them: (j, a_ij, error), j > i, in m².
+    /// Returns the exchange areas (j, a_ij, error), j > i, of row i above the diagonal, in m², as [`from_exchange_tiles`](Self::from_exchange_tiles) takes them.
     ///
-    /// Stored once more with the same areas and precision, they give the same numbers to the last bit. `None` where exchange areas are not what is stored.
+    /// Stored once more with the same areas and precision, they give the same numbers to the last bit. `None` where exchange areas are not stored.
     pub(crate) fn exchange_row(&self, i: usize) -> Option<Vec<Entry>> {
         if !self.is_symmetric() {
             return None;
@@ -61,7 +61,7 @@ impl FormFactors {
     }
 }
 
-/// Returns x such that x / `divisor` is `quotient` to the last bit, for a quotient that came about like that.
+/// Returns x such that x / `divisor` is `quotient` to the last bit, for a quotient that was computed so.
 ///
 /// The product is off by a rounding of its own and by that of the division: some ulps to either side are enough.
 fn undivided(quotient: f64, divisor: f64) -> f64 {

@@ -1,4 +1,4 @@
-//! The form factors between the patches of a scene, as they are stored.
+//! The stored form factors between the patches of a scene.
 
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ use super::tile::{RowTally, RowTile};
 use super::together::Together;
 use super::{disk, symmetric};
 
-/// The form factors F_ij of n patches, the standard errors of their estimates, and the tallies of the rays that they come from.
+/// The form factors F_ij of n patches, the standard errors of their estimates, and the tallies of their rays.
 ///
 /// F_ij is the fraction of the light leaving patch i that reaches patch j. Stored as tiles of rows, each dense or sparse.
 /// A matrix made by [`from_exchange_tiles`](Self::from_exchange_tiles), [`symmetrised`](Self::symmetrised) or
@@ -22,11 +22,11 @@ use super::{disk, symmetric};
 /// are symmetric to the last bit in any [`Precision`], take half the memory, and every tile is applied together with its transpose.
 /// A clone shares the tiles.
 ///
-/// With [`Place::Disk`] the entries lie in a scratch file, which goes when the last clone does, and everything else works as before: a pass
-/// reads the file once, what goes row by row keeps 64 rows a thread. Where the file cannot be read, or is not what was written, numbers are
-/// NaN from then on, and [`failure`](Self::failure) tells why.
+/// With [`Place::Disk`] the entries are in a scratch file, which is deleted with the last clone; all functions work as in memory: a pass
+/// reads the file once, and functions that read row by row hold 64 rows a thread. Where the file cannot be read, or has changed, numbers are
+/// NaN from then on, and [`failure`](Self::failure) returns the reason.
 ///
-/// With [`StorageChoice::ranks`] several ranks work on the rows, and each stores a part of what is in memory. A row is read on the rank that stores it; products, sums, checks and repairs are collective.
+/// With [`StorageChoice::ranks`] several ranks work on the rows, and each stores a part in memory. A row is read on the rank that stores it; products, sums, checks and repairs are collective.
 #[doc(alias = "view factor")]
 #[derive(Clone, Debug)]
 pub struct FormFactors {
@@ -78,7 +78,7 @@ impl FormFactors {
         Ok(Self::of(areas, rows.finish(), tallies, storage))
     }
 
-    /// Stores the rows that are this rank's of several, in memory. Collective.
+    /// Stores this rank's rows, of several ranks, in memory. Collective.
     pub(super) fn from_own_tiles(
         areas: Vec<f64>,
         tallies: Vec<RowTally>,
@@ -144,7 +144,7 @@ impl FormFactors {
         Ok(Self::of(areas, entries, tallies, storage))
     }
 
-    /// Puts form factors together from what is stored.
+    /// Makes form factors from stored entries.
     pub(super) fn of(
         areas: Vec<f64>,
         entries: Arc<dyn Backend>,
@@ -180,7 +180,7 @@ impl FormFactors {
         &self.tallies
     }
 
-    /// Returns layout, precision and place of what is stored.
+    /// Returns the layout, precision and place of the storage.
     #[must_use]
     pub fn storage(&self) -> StorageChoice<'_> {
         StorageChoice {
@@ -191,7 +191,7 @@ impl FormFactors {
         }
     }
 
-    /// Returns what went wrong first when the entries were read from a disk, or `None`: then all numbers that were returned are right.
+    /// Returns the first failure to read entries from a disk, or `None`: then all numbers that were returned are right.
     #[must_use]
     pub fn failure(&self) -> Option<&DiskError> {
         self.entries.failure()
@@ -220,7 +220,7 @@ impl FormFactors {
 
     /// Returns the standard error of F_ij; 0 where it is exact or unknown.
     ///
-    /// An entry that none of a row's N rays hit is off by up to 1.5 / N, or by the factor without occluders where that is less; 0 states that the
+    /// An entry that none of a row's N rays hit has an error of up to 1.5 / N, or of the factor without occluders where that is less; 0 means that the
     /// patches do not face each other, or are proved to be hidden.
     /// Accuracy: rounded to f32 where it is stored.
     ///
@@ -243,8 +243,9 @@ impl FormFactors {
         found
     }
 
-    /// Calls `visit(j, F_ij, standard error)` in ascending order of j for all entries of row i that are stored: where one of the two is not zero, but for those that
-    /// no ray hit, which [`open_error`](Self::open_error) counts together and [`for_each_error_in_row`](Self::for_each_error_in_row) visits too.
+    /// Calls `visit(j, F_ij, standard error)` in ascending order of j for all stored entries of row i, of which one of the two is not zero.
+    ///
+    /// Entries that no ray hit are left out: [`open_error`](Self::open_error) counts them together, and [`for_each_error_in_row`](Self::for_each_error_in_row) visits them too.
     ///
     /// # Panics
     /// If i is not less than n.
@@ -279,7 +280,7 @@ impl FormFactors {
         self.entries.n_nonzero() as f64 / (self.n_rows() as f64).powi(2)
     }
 
-    /// Returns the bytes that entries and standard errors take, in memory or on the disk, where one process stores all of them.
+    /// Returns the bytes of entries and standard errors, in memory or on the disk, where one process stores all of them.
     #[must_use]
     pub fn stored_byte(&self) -> usize {
         self.entries.stored_byte()

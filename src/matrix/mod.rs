@@ -1,7 +1,7 @@
 //! Form factors: stored, checked, repaired and applied.
 //!
-//! A method emits [`RowTile`]s, [`FormFactors`] keeps them, and a solver sees a [`LinearOperator`](operator::LinearOperator). Nothing outside of
-//! this module may assume that all of F lies in one piece of memory.
+//! A method emits [`RowTile`]s, [`FormFactors`] stores them, and a solver sees a [`LinearOperator`](operator::LinearOperator). Code outside
+//! this module must not assume that all of F lies in one piece of memory.
 
 mod backend;
 mod bounds;

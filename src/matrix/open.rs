@@ -8,17 +8,17 @@ use super::tile::MISSED_HITS;
 use crate::matrix::bounds::{Open, UpperBounds};
 
 impl FormFactors {
-    /// States that entries that are not stored were hit by no ray, and are no more than `bounds` allow.
+    /// States that entries that are not stored were hit by no ray, and are within `bounds`.
     pub(crate) fn with_bounds(mut self, bounds: Arc<dyn UpperBounds>) -> Self {
         let is_pooled = self.is_symmetric();
         self.open = Some(Open { bounds, is_pooled });
         self
     }
 
-    /// Returns what the rays of row i leave open of all entries together that none of them hit, 1.5 / N: 0 where every error is stored.
+    /// Returns the error 1.5 / N of all entries together that no ray of row i hit; 0 where every error is stored.
     ///
-    /// A count sees each ray once, so that in a sum over the row all such entries are one cell of a multinomial distribution. N is
-    /// [`effective_rays`](super::RowTally::effective_rays). A single entry may be off by as much, but by no more than its upper bound: see [`std_error`](Self::std_error).
+    /// A count has each ray once, so that in a sum over the row all such entries are one cell of a multinomial distribution. N is
+    /// [`effective_rays`](super::RowTally::effective_rays). A single entry may be off by as much, but at most by its upper bound: see [`std_error`](Self::std_error).
     ///
     /// # Panics
     /// If i is not less than n.
@@ -29,12 +29,12 @@ impl FormFactors {
         rays.unwrap_or(0.0)
     }
 
-    /// Returns the number of points along each side of a patch that its rays start from, if they start from points.
+    /// Returns the number of points along each side of a patch that its rays start from; `None` if they start anywhere.
     pub(crate) fn points(&self) -> Option<NonZeroUsize> {
         self.open.as_ref()?.bounds.points()
     }
 
-    /// Returns what of the standard error of an entry is not the noise of its row's rays: that of rays from points as low as low-discrepancy nets have it.
+    /// Returns the part of an entry's standard error beyond the noise of its row's rays; rays from points have the lower noise of low-discrepancy nets.
     pub(crate) fn beyond_noise(&self, i: usize, factor: f64, std_error: f64) -> f64 {
         let tally = &self.tallies[i];
         let noise = match self.points() {
@@ -45,8 +45,9 @@ impl FormFactors {
         (std_error - noise * (1.0 + 1e-6)).max(0.0)
     }
 
-    /// Calls `visit(j, F_ij, standard error)` in ascending order of j for all entries of row i where one of the two is not zero, those that no ray hit
-    /// included (see [`std_error`](Self::std_error)).
+    /// Calls `visit(j, F_ij, standard error)` in ascending order of j for all entries of row i where one of the two is not zero.
+    ///
+    /// Entries that no ray hit are included (see [`std_error`](Self::std_error)).
     ///
     /// Work: up to one closed form for each of these.
     ///
@@ -63,7 +64,7 @@ impl FormFactors {
         self.for_each_open(i, next..self.n_rows(), &mut visit);
     }
 
-    /// Returns how many entries of row i no ray hit although the patches face each other.
+    /// Returns the number of entries of row i that no ray hit although the patches face each other.
     pub(crate) fn n_open(&self, i: usize) -> usize {
         let Some(open) = &self.open else { return 0 };
         let (mut next, mut n_open) = (0, 0);
@@ -96,7 +97,7 @@ impl FormFactors {
             return 0.0;
         };
         let rays = |k: usize| self.tallies[k].effective_rays().unwrap_or(0.0);
-        // A ray of j tells as much of A_i F_ij as A_i / A_j rays of i.
+        // A ray of j is worth as much for A_i F_ij as A_i / A_j rays of i.
         let of_reverse = if open.is_pooled {
             rays(j) * self.areas[i] / self.areas[j]
         } else {

@@ -126,24 +126,24 @@ pub trait LinearOperator: Sync {
     /// Computes `y` = F `x`, every channel in one pass over F.
     fn apply(&self, x: &Block, y: &mut Block);
 
-    /// Does the part of a pass that is rank `rank`'s of `n_ranks`, and returns numbers for [`end_pass`](Self::end_pass); `None` where a pass is not worth sharing.
+    /// Computes the share of a pass of rank `rank` of `n_ranks`, and returns numbers for [`end_pass`](Self::end_pass); `None` where a pass is not worth sharing.
     fn share_of_pass(&self, _x: &Block, _rank: usize, _n_ranks: usize) -> Option<Vec<f64>> {
         None
     }
 
-    /// Sets `y` = F x, to the bytes of [`apply`](Self::apply), from what [`share_of_pass`](Self::share_of_pass) returned on each rank, one after the other.
+    /// Sets `y` = F x, to the bytes of [`apply`](Self::apply), from the results of [`share_of_pass`](Self::share_of_pass) on each rank, one after the other.
     fn end_pass(&self, _shares: &[f64], _y: &mut Block) {}
 
-    /// Returns access by rows, for solvers that need it, or `None` where rows cannot be had cheaply.
+    /// Returns access by rows, for solvers that need it, or `None` where rows are not cheap to read.
     fn rows(&self) -> Option<&dyn RowAccess>;
 
-    /// Returns what `of_row` makes of each row, in the order of rows; ranks that store parts share them. `None` where there are no rows.
+    /// Returns the results of `of_row` for each row, in the order of rows, shared by ranks that store parts; `None` where there are no rows.
     fn of_rows(&self, of_row: &(dyn Fn(&dyn RowAccess, usize) -> Vec<f64> + Sync)) -> Option<Vec<f64>> {
         let (rows, n) = (self.rows()?, self.n_rows());
         Some(threads::map(threads::pay(n * n), n, |i| of_row(rows, i)).concat())
     }
 
-    /// Returns whether [`rows`](Self::rows) returns any, without the work that this takes.
+    /// Returns whether [`rows`](Self::rows) returns any, without its work.
     fn has_rows(&self) -> bool {
         self.rows().is_some()
     }
@@ -151,16 +151,17 @@ pub trait LinearOperator: Sync {
     /// Returns the A_i for which A_i F_ij is exactly symmetric, or `None` if reciprocity does not hold.
     fn reciprocal_areas(&self) -> Option<&[f64]>;
 
-    /// Returns the connected components of the graph with an edge wherever F_ij > 0 or F_ji > 0, or `None` where that
-    /// cannot be had cheaply: then all patches count as one component.
+    /// Returns the connected components of the graph with an edge wherever F_ij > 0 or F_ji > 0.
+    ///
+    /// `None` where they are not cheap to find: then all patches count as one component.
     fn components(&self) -> Option<Components> {
         None
     }
 
-    /// Returns what went wrong first when the operator was read from a disk, or `None`.
+    /// Returns the first failure to read the operator from a disk, or `None`.
     ///
-    /// From then on `apply` and the rows may yield NaN. A [`RadiositySystem`](crate::solver::RadiositySystem) asks
-    /// for it, and so does every solver before it returns.
+    /// From then on `apply` and the rows may yield NaN. A [`RadiositySystem`](crate::solver::RadiositySystem) checks
+    /// it, and so does every solver before it returns.
     fn failure(&self) -> Option<&DiskError> {
         None
     }
@@ -194,7 +195,7 @@ pub trait RowAccess: Sync {
     /// Calls `visit` with j and F_ij for every entry of row i that may not be 0, j ascending.
     fn visit_row(&self, i: usize, visit: &mut dyn FnMut(usize, f64));
 
-    /// Adds `factor` F_ij to `sum[j]` for every j, and returns how many entries of the row that took: n for a row stored in full.
+    /// Adds `factor` F_ij to `sum[j]` for every j, and returns the number of entries visited: n for a row stored in full.
     fn add_row(&self, i: usize, factor: f64, sum: &mut [f64]) -> usize {
         let mut n_entries = 0;
         self.visit_row(i, &mut |j, value| {

@@ -6,16 +6,16 @@ use super::form_factors::FormFactors;
 use super::operator::{Block, Components, LinearOperator, RowAccess};
 use crate::threads;
 
-/// The bytes of a matrix from which ranks share a pass: below, it takes no longer than the messages.
+/// The bytes of a matrix from which on ranks share a pass: below, a pass takes no longer than the messages.
 const SHARED_BYTE: usize = 32 << 20;
 
 /// Applies F: y_ic = Σ_j F_ij x_jc.
 ///
-/// Rows, and tiles of a symmetric matrix, are shared out to threads, and what belongs together is summed in a fixed order: the
+/// Rows, and tiles of a symmetric matrix, are shared out to threads, and sums are taken in a fixed order: the
 /// result is the same bytes at any number of threads and with any instruction set (AVX-512, AVX2 or less, chosen at run time), and
 /// in each channel the same as if it were alone. Accuracy: the relative
-/// rounding error is at most (max(16 n^½, n / 8) + 70) 1.1e-16 for terms of one sign, below 256 patches (n + 70) 1.1e-16: a sum has eight partial sums, or goes down the rows of a symmetric matrix, of which at most so many are taken
-/// one after another.
+/// rounding error is at most (max(16 n^½, n / 8) + 70) 1.1e-16 for terms of one sign, below 256 patches (n + 70) 1.1e-16.
+/// A sum has eight partial sums, or goes down the rows of a symmetric matrix, of which at most so many are added one after another.
 ///
 /// Speed: measured in `docs/performance.md`.
 impl LinearOperator for FormFactors {
@@ -31,7 +31,7 @@ impl LinearOperator for FormFactors {
             "y has the shape of x"
         );
         match &self.together {
-            // Where each rank stores a part, a pass of all is what it does.
+            // Where each rank stores a part, `apply` itself is collective.
             Some(together) if self.entries.held_rows().is_none() && self.entries.pass_byte() >= SHARED_BYTE => {
                 let ranks = &together.ranks;
                 let share = self.entries.share_of_pass(x, ranks.rank(), ranks.size());
@@ -94,7 +94,7 @@ impl RowAccess for FormFactors {
     }
 }
 
-/// Returns how many roundings a term of F x takes part in at most, n being the number of patches: see the [`LinearOperator`] of [`FormFactors`].
+/// Returns the most roundings in which a term of F x takes part, n being the number of patches: see the [`LinearOperator`] of [`FormFactors`].
 pub(crate) fn roundings(n: usize) -> f64 {
     let n = n as f64;
     (16.0 * n.sqrt()).max(n / 8.0).min(n) + 70.0

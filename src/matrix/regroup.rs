@@ -6,7 +6,7 @@ use super::tile::RowTile;
 /// The rows of a sequence of tiles, one by one.
 pub(super) struct Regrouped<I> {
     tiles: std::iter::Fuse<I>,
-    /// The tile that the next row may lie in, and its place there.
+    /// The tile in which the next row may be, and the row's number there.
     current: Option<(RowTile, usize)>,
     next: usize,
 }
@@ -20,7 +20,7 @@ impl<I: Iterator<Item = RowTile>> Regrouped<I> {
         }
     }
 
-    /// Returns the tile of the next of n rows, and the row's place in it.
+    /// Returns the tile of the next of n rows, and the row's number in it.
     pub(super) fn next_row(&mut self, n: usize) -> Result<(&RowTile, usize), MatrixError> {
         let (expected, found) = (n, self.next);
         if self.current.as_ref().is_none_or(|(tile, k)| *k == tile.n_rows()) {

@@ -62,7 +62,7 @@ fn shares_of_a_pass_make_the_bytes_of_a_whole_one() {
     }
 }
 
-/// Everything that is read of form factors, as bits.
+/// All values that are read of form factors, as bits.
 fn read(factors: &FormFactors) -> Vec<u64> {
     let n = factors.n_rows();
     let values = (0..n * 2).map(|k| (k as f64 * 0.37).cos()).collect();
@@ -122,7 +122,7 @@ fn ranks_that_store_parts_read_and_repair_as_one_process() {
                 ranks,
             };
             let mut tile = rows(n, is_upper);
-            // A patch that sees nothing is a component of its own.
+            // A patch that sees nothing is a component by itself.
             assert!(tile.row(n - 1).is_empty() || !is_upper);
             tile = with_errors(&tile);
             let factors = if is_upper {
@@ -198,7 +198,7 @@ fn in_tiles(tile: &RowTile, n_rows: usize) -> Vec<RowTile> {
     starts.map(part).collect()
 }
 
-/// A rank that reads a row of another without asking for it is stopped: no number is taken for zero.
+/// A rank that reads a row of another without its help is stopped: no number is taken for zero.
 #[test]
 fn a_row_of_another_rank_is_not_read_as_zeros() {
     let areas = vec![1.0; 200];

@@ -7,10 +7,10 @@ use rayon::prelude::*;
 use super::form_factors::FormFactors;
 use super::tile::laplace;
 
-/// Surfaces whose rows are calculated at the same time.
+/// Surfaces whose rows are computed at the same time.
 const AT_ONCE: usize = 256;
 
-/// Sums of patches that are kept for that at the same time.
+/// The most sums of patches that are held for that.
 const NUMBERS_AT_ONCE: usize = 1 << 24;
 
 /// Form factors between surfaces: the fraction of the light leaving S, equally bright all over, that reaches T.
@@ -24,7 +24,7 @@ pub struct SurfaceFormFactors {
     pub form_factor: Vec<f64>,
     /// An estimate of the absolute error of each F_ST, same shape.
     pub error: Vec<f64>,
-    /// The fraction of the light leaving S that no front receives, 1 − Σ_T F_ST: it escapes or meets black backs, up to the errors of the rows.
+    /// The fraction of the light leaving S that no front receives, 1 − Σ_T F_ST: it escapes or meets back faces, up to the errors of the rows.
     pub lost_factor: Vec<f64>,
 }
 
@@ -41,7 +41,7 @@ pub struct SurfaceRow {
     pub lost_factor: f64,
 }
 
-/// Form factors between surfaces a row at a time, where all of them may be too many: see [`FormFactors::surface_rows`].
+/// Form factors between surfaces one row at a time, where all of them may be too many: see [`FormFactors::surface_rows`].
 #[derive(Clone, Debug)]
 pub struct SurfaceRows<'a> {
     factors: &'a FormFactors,
@@ -51,7 +51,7 @@ pub struct SurfaceRows<'a> {
 }
 
 impl FormFactors {
-    /// Returns the form factors between surfaces, with errors that respect what the patches' rays have in common.
+    /// Returns the form factors between surfaces, with errors that account for the common rays of patches.
     ///
     /// F_ST = Σ_{i∈S} A_i F_iT / A_S with F_iT = Σ_{j∈T} F_ij. `patch_surface` names the surface of each patch; a
     /// surface without patches has zeros.
@@ -61,10 +61,11 @@ impl FormFactors {
     /// hit T; N is [`effective_rays`](super::RowTally::effective_rays). Stratified rays err less than this. Rows are
     /// independent: error² = Σ (A_i / A_S)² variance_i. Rows without rays, and all rows of a symmetrised or balanced
     /// matrix, where each number comes from two rows, contribute the sum of their entries' standard errors,
-    /// Σ (A_i / A_S) Σ_j, as if all were off in the same direction, beside the error of a row that no ray of which has met T, for the patches that none has. So does what an entry of a row of rays states beyond its noise: the bias of a rule.
+    /// Σ (A_i / A_S) Σ_j, as if all were off in the same direction. Patches no ray of which has met T add the error of such a row. So does the error of an entry of a row of rays
+    /// beyond its noise, the bias of a rule.
     /// Source: sums of multinomial counts. Departures: none.
     ///
-    /// Memory: 16 n_surfaces² bytes, and as much again while they are put together; [`surface_rows`](Self::surface_rows) does without.
+    /// Memory: 16 n_surfaces² bytes, and as much again while they are built; [`surface_rows`](Self::surface_rows) needs neither.
     ///
     /// # Panics
     /// If `patch_surface` does not name one of the surfaces for every patch.
@@ -81,7 +82,7 @@ impl FormFactors {
         }
     }
 
-    /// Returns what gives [`surface_form_factors`](Self::surface_form_factors) a row at a time.
+    /// Returns the form factors of [`surface_form_factors`](Self::surface_form_factors) one row at a time.
     ///
     /// # Panics
     /// If `patch_surface` does not name one of the surfaces for every patch.
@@ -106,14 +107,14 @@ impl FormFactors {
 }
 
 impl SurfaceRows<'_> {
-    /// Returns the rows of all surfaces in order, each when it is due. Collective.
+    /// Returns the rows of all surfaces in order, each computed when needed. Collective.
     pub fn iter(&self) -> impl Iterator<Item = SurfaceRow> {
         let n = self.patches.len();
         let starts = (0..n).step_by(AT_ONCE);
         starts.flat_map(move |start| self.rows(start..n.min(start + AT_ONCE)))
     }
 
-    /// Returns 1 − Σ_T F_ST of every surface S: far less work than the rows. Collective.
+    /// Returns 1 − Σ_T F_ST of every surface S, with far less work than the rows. Collective.
     #[must_use]
     pub fn lost_factors(&self) -> Vec<f64> {
         let row_sums = self.factors.row_sums();
@@ -131,7 +132,7 @@ impl SurfaceRows<'_> {
         patches.iter().map(|&i| self.factors.areas[i]).sum()
     }
 
-    /// Returns the rows of some surfaces, each rank giving the sums of its own patches.
+    /// Returns the rows of some surfaces; each rank adds the sums of its own patches.
     fn rows(&self, some: Range<usize>) -> Vec<SurfaceRow> {
         let n_surfaces = self.patches.len();
         let n_numbers = 2 * n_surfaces + 1;
@@ -194,13 +195,13 @@ impl SurfaceRows<'_> {
         numbers
     }
 
-    /// Adds what patch i says to the row of its surface, whose `error` is that without noise, and to the variances of its noise.
+    /// Adds patch i to the row of its surface, whose `error` is that without noise, and to the variances of its noise.
     fn add(&self, row: &mut SurfaceRow, variance: &mut [f64], i: usize, numbers: &[f64]) {
         let (factors, n_surfaces) = (self.factors, self.patches.len());
         let (sums, errors) = numbers.split_at(n_surfaces);
         let n_rays = factors.tallies[i].effective_rays().filter(|_| !factors.is_symmetric());
         let weight = factors.areas[i] / row.area;
-        // No count proves that there is nothing, whatever became of the counts afterwards: where errors are added up, what no ray hit is one more cell.
+        // No count proves that there is nothing, whatever was done to the counts later: where errors are added up, the entries that no ray hit are one more cell.
         let counted = factors.tallies[i].effective_rays();
         for t in 0..n_surfaces {
             row.form_factor[t] += weight * sums[t];

@@ -1,6 +1,6 @@
 //! A range of rows, as form-factor methods emit them.
 
-/// Hits that an entry may have deserved without getting one: of entries with F = 1.5 / N, rays miss 22 %.
+/// The hits that an entry may have missed by chance: of entries with F = 1.5 / N, rays miss 22 %.
 pub(in crate::matrix) const MISSED_HITS: f64 = 1.5;
 
 /// One entry of a row: column j, form factor F_ij, standard error of F_ij (0 where it is exact or unknown).
@@ -13,9 +13,9 @@ pub type Entry = (u32, f64, f64);
 pub struct RowTally {
     /// Rays that left the patch over its hemisphere.
     pub n_rays: u64,
-    /// Rays that hit nothing: they end in the sky.
+    /// Rays that hit nothing: they end in the surroundings.
     pub n_escaped: u64,
-    /// Rays that hit the back of a face: a back is black and takes their light.
+    /// Rays that hit the back of a face, which is black and absorbs their light.
     pub n_absorbed: u64,
     /// The sums of the rays' weights, or `None` where each ray weighs 1 / `n_rays`.
     pub weights: Option<RayWeights>,
@@ -28,7 +28,7 @@ pub struct RayWeights {
     pub escaped: f64,
     /// Σ w over the rays that hit a back.
     pub absorbed: f64,
-    /// Σ w² over all rays; 0 if the rays are not independent samples, so that the errors of the entries tell more than the rays' number.
+    /// Σ w² over all rays; 0 if the rays are not independent samples, so that the errors of the entries mean more than the rays' number.
     pub squared: f64,
 }
 
@@ -40,7 +40,7 @@ impl RowTally {
         self.fraction(fraction, self.n_escaped)
     }
 
-    /// Returns the fraction of the patch's light that black backs take, or `None` without rays.
+    /// Returns the fraction of the patch's light that black back faces absorb, or `None` without rays.
     #[must_use]
     pub fn absorbed(&self) -> Option<f64> {
         let fraction = |w: RayWeights| w.absorbed;
@@ -53,7 +53,7 @@ impl RowTally {
         self.squared().map(f64::recip)
     }
 
-    /// Returns what independent rays leave open of all form factors together that none of them hit, 1.5 / N; `None` without such rays.
+    /// Returns the error 1.5 / N of all form factors together that none of the independent rays hit; `None` without such rays.
     pub(crate) fn open_error(&self) -> Option<f64> {
         self.effective_rays().map(|n| MISSED_HITS / n)
     }
@@ -64,10 +64,10 @@ impl RowTally {
         (self.n_rays > 0 && squared > 0.0).then_some(squared)
     }
 
-    /// Returns the standard error of a form factor that is the share F of the row's independent rays, sqrt(p (1 − p) Σ w²): 0 without such rays.
+    /// Returns the standard error of a form factor that is the share F of the row's independent rays, sqrt(p (1 − p) Σ w²); 0 without such rays.
     ///
     /// p is F; above one half it is the lower (N F + 1) / (N + 2) of Laplace's rule, as no number of rays that all hit one patch proves that no light goes elsewhere.
-    /// Where rays differ in weight p is always that of the rule: a few rays of little weight prove nothing of those that would have had more.
+    /// Where rays differ in weight p is always that of the rule: a few rays of little weight prove nothing about rays of more weight.
     pub(crate) fn noise_of(&self, factor: f64) -> f64 {
         let Some(squared) = self.squared() else {
             return 0.0;
@@ -82,16 +82,18 @@ impl RowTally {
         (p * (1.0 - p) * squared).max(0.0).sqrt()
     }
 
-    /// Returns the standard error of a form factor that is the share F of N rays that are points of `n_nets` low-discrepancy nets: k^(−1/8) of [`noise_of`](Self::noise_of), with
-    /// k = N F / `n_nets` the cells of a net that make it up. Of a net in four dimensions about k^(3/4) cells are at their border, and these alone are in doubt; in two, k^(1/2), and
-    /// this is above it.
+    /// Returns the standard error of a form factor that is the share F of N rays from points of `n_nets` low-discrepancy nets.
+    ///
+    /// It is k^(−1/8) of [`noise_of`](Self::noise_of), with k = N F / `n_nets` the cells of a net that make it up. Of a net in four dimensions about k^(3/4) cells are at their border, and these alone are uncertain; in two,
+    /// k^(1/2), which this exceeds.
     pub(crate) fn noise_of_nets(&self, factor: f64, n_nets: usize) -> f64 {
         let hits = (self.n_rays as f64 / n_nets as f64 * factor).max(1.0);
         self.noise_of(factor) * hits.powf(-0.125)
     }
 
-    /// Returns the standard error of a form factor without a hit among the row's N rays, if the other patch's rays give `factor`: that of a count, sqrt(F / N). Rays that are not
-    /// independent count as if they were. 0 without rays.
+    /// Returns the standard error sqrt(F / N) of a form factor without a hit among the row's N rays, if the other patch's rays give `factor`.
+    ///
+    /// Rays that are not independent count as if they were. 0 without rays.
     pub(crate) fn noise_of_missed(&self, factor: f64) -> f64 {
         let n = self.effective_rays().unwrap_or(self.n_rays as f64);
         if n > 0.0 {
@@ -101,15 +103,17 @@ impl RowTally {
         }
     }
 
-    /// Returns the variance of a fraction of the patch's light that its N rays were counted to have, p (1 − p) / N with p = (N `fraction` + 1) / (N + 2) by
-    /// Laplace's rule: no count proves that a fraction is 0 or 1. Rays that are not independent count as if they were; without rays the fraction may be anything.
+    /// Returns the variance of a fraction of the patch's light that was counted by its N rays.
+    ///
+    /// It is p (1 − p) / N with p = (N `fraction` + 1) / (N + 2) by Laplace's rule, as no count proves that a fraction is 0 or 1.
+    /// Rays that are not independent count as if they were; without rays the fraction may be anything.
     pub(crate) fn variance_of(&self, fraction: f64) -> f64 {
         let n = self.effective_rays().unwrap_or(self.n_rays as f64).max(1.0);
         let p = laplace(n, fraction).clamp(0.0, 1.0);
         p * (1.0 - p) / n
     }
 
-    /// Returns whether no more rays end outside of fronts than there are, and the sums of weights can be such.
+    /// Returns whether the rays that end outside fronts are at most all rays, and the sums of weights are possible.
     pub(crate) fn is_consistent(&self) -> bool {
         let lost = self.n_escaped.checked_add(self.n_absorbed);
         let in_range = |w: &RayWeights| {
@@ -126,7 +130,7 @@ impl RowTally {
     }
 }
 
-/// Returns the share of the light that Laplace's rule expects where `n` rays were counted to have the share `fraction`: (n `fraction` + 1) / (n + 2).
+/// Returns the expected share of the light by Laplace's rule, (n `fraction` + 1) / (n + 2), where the share `fraction` of `n` rays was counted.
 pub(in crate::matrix) fn laplace(n: f64, fraction: f64) -> f64 {
     (n * fraction + 1.0) / (n + 2.0)
 }
@@ -160,7 +164,7 @@ impl RowTile {
     #[track_caller]
     pub fn push_row(&mut self, entries: &[Entry], tally: RowTally) {
         assert!(entries.is_sorted_by(|a, b| a.0 < b.0), "columns are strictly ascending");
-        // An entry that is zero for certain says no more than its absence.
+        // An entry that is certainly zero means no more than its absence.
         self.entries.extend(
             entries
                 .iter()
@@ -182,7 +186,7 @@ impl RowTile {
         self.ends.len()
     }
 
-    /// Returns the number of entries in all rows; entries that are zero with a standard error of zero are not kept.
+    /// Returns the number of entries in all rows; entries that are zero with a standard error of zero are not stored.
     #[must_use]
     pub fn n_entries(&self) -> usize {
         self.entries.len()

@@ -1,4 +1,4 @@
-//! Ranks that work on one matrix: which rows are whose, and the rows of others.
+//! Ranks that work on one matrix: the rows of each rank, and access to those of others.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -23,7 +23,7 @@ pub(in crate::matrix) fn rows_of(n: usize, blocks: &Range<usize>) -> Range<usize
     (blocks.start * SIDE).min(n)..(blocks.end * SIDE).min(n)
 }
 
-/// The ranks of form factors, and what this one has of the rows of others.
+/// The ranks of form factors, and the rows of others that this one has.
 #[derive(Debug)]
 pub(super) struct Together {
     pub(super) ranks: Arc<dyn Ranks>,
@@ -31,7 +31,7 @@ pub(super) struct Together {
     whole: OnceLock<Option<Arc<dyn Backend>>>,
     /// True on the first rank while the others send it the rows that it reads.
     is_served: AtomicBool,
-    /// The blocks of rows that came last.
+    /// The blocks of rows received last.
     came: Mutex<VecDeque<Arc<RowTile>>>,
 }
 
@@ -72,7 +72,7 @@ impl Together {
     }
 }
 
-/// Returns the sums of what each rank counts. Collective.
+/// Returns the sums of the counts of all ranks. Collective.
 pub(in crate::matrix) fn sums_of_ranks<const N: usize>(ranks: &dyn Ranks, own: [usize; N]) -> [usize; N] {
     let of_ranks = ranks.all_gather(own.map(|count| (count as u64).to_le_bytes()).as_flattened());
     of_ranks.iter().fold([0; N], |mut sums: [usize; N], bytes| {
@@ -98,7 +98,7 @@ pub(in crate::matrix) fn encode(tile: &RowTile) -> Vec<u8> {
     bytes
 }
 
-/// Returns rows from their bytes; `None` of no bytes.
+/// Returns rows from their bytes; `None` without bytes.
 pub(in crate::matrix) fn decode(bytes: &[u8]) -> Option<RowTile> {
     let (first_row, mut rest) = bytes.split_first_chunk()?;
     let mut tile = RowTile::new(usize::try_from(u64::from_le_bytes(*first_row)).unwrap_or(usize::MAX));
@@ -143,7 +143,7 @@ pub(in crate::matrix) fn stored_rows(
 }
 
 impl FormFactors {
-    /// Returns the rows that this rank works on: all where it works alone.
+    /// Returns the rows that this rank works on: all if it works alone.
     pub(crate) fn own_rows(&self) -> Range<usize> {
         let n = self.n_rows();
         match &self.together {
@@ -155,7 +155,7 @@ impl FormFactors {
         }
     }
 
-    /// Returns what each rank gives, one after the other. Collective.
+    /// Returns the numbers of all ranks, one rank after the other. Collective.
     pub(crate) fn gathered(&self, own: Vec<f64>) -> Vec<f64> {
         match &self.together {
             Some(together) if !together.is_served() => together.ranks.all_gather_numbers(&own),
@@ -163,7 +163,7 @@ impl FormFactors {
         }
     }
 
-    /// Returns N numbers of each row, of which each rank works out those of its own rows. Collective.
+    /// Returns N numbers of each row, of which each rank computes those of its own rows. Collective.
     pub(crate) fn numbers_of_rows<const N: usize>(
         &self,
         of_row: impl Fn(usize) -> [f64; N] + Sync + Send,
@@ -172,7 +172,7 @@ impl FormFactors {
         self.gathered(own.into_flattened()).as_chunks().0.to_vec()
     }
 
-    /// Does work that reads rows one after the other on the first rank, to which the others send theirs; returns `None` on these. Collective.
+    /// Does work on the first rank that reads rows one after the other; the others send it theirs and return `None`. Collective.
     pub(crate) fn by_first<R>(&self, work: impl FnOnce() -> R) -> Option<R> {
         let Some(together) = &self.together else {
             return Some(work());
@@ -204,7 +204,7 @@ impl FormFactors {
         None
     }
 
-    /// Returns the tiles that each rank gives, rank by rank. Collective.
+    /// Returns the tiles of all ranks, rank by rank. Collective.
     pub(super) fn sent_by_all(&self, own: &[RowTile]) -> Vec<RowTile> {
         let Some(together) = &self.together else {
             return own.to_vec();
@@ -227,7 +227,7 @@ impl FormFactors {
         tiles.into_par_iter().filter_map(decode).collect()
     }
 
-    /// Gathers all rows on every rank, which keeps them as long as the matrix. Collective.
+    /// Gathers all rows on every rank, which stores them as long as the matrix. Collective.
     pub(crate) fn gather_rows(&self) {
         if let Some(together) = &self.together {
             together.whole.get_or_init(|| self.entries.whole());
@@ -243,7 +243,7 @@ impl FormFactors {
         }
     }
 
-    /// Returns the matrix with all rows where these were gathered, else what is stored.
+    /// Returns the matrix with all rows where these were gathered, otherwise the stored part.
     pub(super) fn by_rows(&self) -> &dyn Backend {
         let whole = self.together.as_ref().and_then(|together| together.whole.get());
         match whole {

@@ -11,13 +11,13 @@ use super::tile::{Entry, RowTally, RowTile, index};
 use super::together::{blocks_of, decode, encode, rows_of};
 use crate::threads;
 
-/// Rows that are transposed at a time, at least: a few cache lines of every row of F.
+/// The fewest rows that are transposed at a time: a few cache lines of every row of F.
 const BLOCK_ROWS: usize = 32;
 
-/// More are where they have no more entries than this together, so that the look into each row of F is worth it: 12 MB for each thread.
+/// The entries of a larger block, at most, so that the access to each row of F is worth it: 12 MB for each thread.
 const BLOCK_ENTRIES: f64 = 524_288.0;
 
-/// But no fewer blocks than these, for the threads.
+/// The fewest blocks, for the threads.
 const MIN_BLOCKS: usize = 64;
 
 /// One place of F and its mirror image: (F_ij, standard error) and (F_ji, standard error).
@@ -26,7 +26,7 @@ pub(crate) struct Pair {
     pub(crate) back: (f64, f64),
 }
 
-/// Entries of columns that ranks send one another at a time, where a block has no more: some 80 MB.
+/// Entries of columns that ranks send one another at a time, where a block has fewer: some 80 MB.
 pub(crate) const ENTRIES_AT_ONCE: f64 = 4_194_304.0;
 
 /// Some rows, beside the same rows of the transpose.
@@ -38,7 +38,7 @@ pub(crate) struct RowBlock<'a> {
 }
 
 impl FormFactors {
-    /// Returns what `work` makes of blocks of this rank's rows, in order. Collective.
+    /// Returns the results of `work` for blocks of this rank's rows, in order. Collective.
     pub(crate) fn map_row_blocks<R: Send>(&self, work: impl Fn(&RowBlock<'_>) -> R + Sync + Send) -> Vec<R> {
         if !self.needs_columns() {
             let blocks = blocks_in(self.own_rows(), self.rows_together());
@@ -64,7 +64,9 @@ impl FormFactors {
         RowBlock { factors, rows, columns }
     }
 
-    /// Calls `act` with blocks of `n_together` of this rank's rows, with the columns that other ranks send, as many times on each rank: with none on those that are done. Collective.
+    /// Calls `act` with blocks of `n_together` of this rank's rows, with the columns that other ranks send. Collective.
+    ///
+    /// It is called equally often on each rank, without blocks on ranks that have finished.
     pub(super) fn for_each_round(&self, n_together: usize, mut act: impl FnMut(&[RowBlock<'_>])) {
         let (Some(together), Some(held)) = (&self.together, self.held_rows()) else {
             return;
@@ -117,7 +119,7 @@ impl FormFactors {
         }
     }
 
-    /// Returns how many rows are best transposed at a time.
+    /// Returns the best number of rows to transpose at a time.
     fn rows_together(&self) -> usize {
         // On a disk, rows are best read together with those of their tiles.
         if self.storage().place.is_on_disk() {
@@ -141,7 +143,7 @@ fn blocks_in(rows: Range<usize>, n_together: usize) -> Vec<Range<usize>> {
     starts.map(|start| start..rows.end.min(start + n_together)).collect()
 }
 
-/// Returns the columns of block `k` of the `n` blocks of which each rank sent its part, one rank after the other.
+/// Returns the columns of block `k` of `n` blocks, of which each rank sent its part, one rank after the other.
 fn joined(came: &[Vec<u8>], k: usize, n: usize, n_columns: usize) -> Vec<Vec<Entry>> {
     let mut columns: Vec<Vec<Entry>> = vec![Vec::new(); n_columns];
     for bytes in came {

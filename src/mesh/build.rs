@@ -1,4 +1,4 @@
-//! From a scene to its mesh, and from one pose to another.
+//! Makes the mesh of a scene, and moves it to another pose.
 
 use std::collections::HashMap;
 
@@ -18,7 +18,7 @@ impl Mesh {
         Self::at_contact_edges(&ContactEdges::of(scene), options)
     }
 
-    /// Cuts the faces of a scene whose contact edges are at hand into patches, as [`new`](Self::new) does.
+    /// Cuts the faces of a scene whose contact edges are known into patches, as [`new`](Self::new) does.
     ///
     /// # Errors
     /// As for [`new`](Self::new).
@@ -31,13 +31,13 @@ impl Mesh {
         Ok(mesh)
     }
 
-    /// Parts vertices where contact edges run between patches, and finds where patches meet that do not share all vertices.
+    /// Separates vertices where contact edges run between patches, and finds where patches meet without sharing all vertices.
     fn join(&mut self, contact_edges: &ContactEdges<'_>) {
         part(self, contact_edges);
         self.seams = find_seams(self, contact_edges);
     }
 
-    /// Returns how many patches [`at_contact_edges`](Self::at_contact_edges) makes, without making them.
+    /// Returns the number of patches of [`at_contact_edges`](Self::at_contact_edges), without making them.
     ///
     /// # Errors
     /// As for [`new`](Self::new).
@@ -45,11 +45,12 @@ impl Mesh {
         count(options.into(), contact_edges)
     }
 
-    /// Returns the patches with their surfaces in a pose, of which `scene` is what the mesh's scene becomes: the same patches in the same order, wherever they go.
+    /// Returns the patches with their surfaces in a pose; `scene` is the mesh's scene in that pose.
     ///
-    /// Patches that do not move keep their corners to the last bit, and all keep their areas: a rigid motion does. Vertices are shared as before, but
-    /// between what moves and what does not. Faces stay cut where contact edges [crossed them](MeshOptions::cut_at_walls) before, and are
-    /// not cut where these come to: [`ContactEdges::crossed_patches`] finds those.
+    /// They are the same patches in the same order, wherever they move.
+    /// Patches that do not move keep their corners to the last bit, and all keep their areas, as in a rigid motion. Vertices stay shared, but
+    /// not between moving and resting patches. Faces stay cut where contact edges [crossed them](MeshOptions::cut_at_walls) in the mesh's scene, and are
+    /// not cut at new contact edges: [`ContactEdges::crossed_patches`] finds those.
     #[must_use]
     pub fn posed(&self, pose: &Pose, scene: &Scene) -> Self {
         let mut posed = Self {

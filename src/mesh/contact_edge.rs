@@ -7,9 +7,9 @@ use glam::DVec3;
 pub(super) struct ContactEdge {
     pub(super) from: DVec3,
     pub(super) to: DVec3,
-    /// Up to this distance, in m, a point lies on it.
+    /// The distance, in m, up to which a point lies on it.
     pub(super) tolerance: f64,
-    /// How far its ends are off the plane, in m.
+    /// The greatest distance of its ends from the plane, in m.
     pub(super) misfit: f64,
 }
 
@@ -20,7 +20,7 @@ impl ContactEdge {
         point.distance(self.from + t * along)
     }
 
-    /// Returns from where to where on a line, in m from its start, the contact edge runs, if all of it that is beside the line lies on it.
+    /// Returns the range on a line, in m from its start, along which the contact edge runs, if all of it beside the line lies on the line.
     pub(super) fn part_along(&self, [start, end]: [DVec3; 2]) -> Option<[f64; 2]> {
         let length = start.distance(end);
         let unit = (end - start).try_normalize()?;

@@ -1,4 +1,4 @@
-//! Where faces stand on others or pierce them: contact edges, across which light is discontinuous (D0 discontinuities).
+//! Contact edges, where faces stand on others or pierce them: light is discontinuous across them (D0 discontinuities).
 
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
@@ -15,31 +15,32 @@ use crate::geometry::box_pairs::{BoxTree, collected_pairs, overlap};
 use crate::geometry::polygon;
 use crate::scene::{FaceId, Positions, Scene};
 
-/// A face that ends within this part of the smaller one's size of another stands on it: a cut that is not needed does no harm.
+/// The part of the smaller face's size within which a face that ends near another stands on it; a cut that is not needed does no harm.
 const NEAR: f64 = 1e-6;
 
-/// So do faces that end within a few units of the file's last decimal place, up to this part of the smaller one's size.
+/// The same in units of the file's last decimal place, up to this part of the smaller face's size.
 const PLACES: f64 = 4.0;
 const FAR: f64 = 2e-3;
 
-/// A face that ends within this fraction of the smaller one's size above another also cuts it. Light passes below such a face, but a patch across the gap would leak far more.
-/// The size is that of all faces which continue them in their planes.
+/// The fraction of the smaller face's size up to which a face that ends above another also cuts it.
+///
+/// Light passes below such a face, but a patch across the gap would leak far more. The size is that of all faces which continue them in their planes.
 const ALMOST: f64 = 1e-3;
 
-/// Faces continue each other whose unit normals differ by no more than this: one plane, in rounded coordinates.
+/// The greatest difference of unit normals of faces that continue each other: one plane, in rounded coordinates.
 const BEND: f64 = 1e-4;
 
-/// No face hangs over another that is farther off than this part of its own height and size.
+/// The greatest height of a hanging face above another, as a part of its own height and size.
 const OF_HEIGHT: f64 = 0.25;
 
-/// Rounding of a coordinate, of the heights and of the meeting points that are made of it.
+/// The rounding of a coordinate, and of heights and meeting points from coordinates.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
 /// The contact edges of a scene: they are found once, when they are first used.
 ///
-/// A contact edge is where a face that rises in front of another meets that one's plane: the bottom of a wall on a floor, or the line in which it passes through it. The two sides of it see different light.
-/// Faces meet that were meant to: up to the rounding of the scene's file, and up to a millionth of the smaller one's size. Where a face ends up to a thousandth of that size in front of another, the contact edge is
-/// below it: patches end there, and light passes through the slit as it is.
+/// A contact edge is where a face that rises in front of another meets that one's plane: the bottom of a wall on a floor, or the line in which it passes through it. Its two sides see different light.
+/// Faces meet if they were meant to: up to the rounding of the scene's file, and up to a millionth of the smaller one's size. Where a face ends up to a thousandth of that size in front of another, the contact edge is
+/// below it: patches end there, and light still passes through the slit.
 ///
 /// Work: O(n log n) for n faces, and the pairs of faces whose boxes overlap. Source: [`BAUM_1991`](crate::references::BAUM_1991). Departures: none.
 #[derive(Debug)]
@@ -51,7 +52,7 @@ pub struct ContactEdges<'a> {
 }
 
 impl<'a> ContactEdges<'a> {
-    /// Takes a scene, whose contact edges are found when they are first used.
+    /// Wraps a scene, whose contact edges are found when they are first used.
     #[must_use]
     pub fn of(scene: &'a Scene) -> Self {
         Self {
@@ -62,13 +63,13 @@ impl<'a> ContactEdges<'a> {
         }
     }
 
-    /// Returns how many faces contact edges cross, elsewhere than along their borders.
+    /// Returns the number of faces that contact edges cross elsewhere than along their borders.
     #[must_use]
     pub fn n_crossed_faces(&self) -> usize {
         self.pieces().len()
     }
 
-    /// Returns the faces that contact edges cross, in pieces that end there.
+    /// Returns the faces that contact edges cross, in pieces between these.
     pub(super) fn pieces(&self) -> &BTreeMap<FaceId, Pieces> {
         self.pieces.get_or_init(|| {
             let found = self.found();
@@ -90,17 +91,17 @@ impl<'a> ContactEdges<'a> {
         self.joints.get_or_init(|| flat_joints(self.scene))
     }
 
-    /// Returns whether faces on one of two faces or both stand along a line: along the middle half of it at least, without a gap.
+    /// Returns whether faces on one or both of two faces stand along a line: at least along its middle half, without a gap.
     pub(super) fn stand_between(&self, faces: [u32; 2], from: DVec3, to: DVec3) -> bool {
         self.found().stand_between(faces, from, to)
     }
 }
 
-/// The contact edges on one face, to find those near a line: a ground has many, and many patches.
+/// The contact edges on one face, to find those near a line: a ground has many of both.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct OnFace<'a> {
     edges: &'a [ContactEdge],
-    /// Of many edges.
+    /// The boxes of many edges.
     boxes: Option<&'a BoxTree>,
 }
 
@@ -110,7 +111,7 @@ pub(super) struct Found {
     /// Those on face k are `edges[first[k]..first[k + 1]]`.
     first: Vec<u32>,
     edges: Vec<ContactEdge>,
-    /// Of faces with many.
+    /// The boxes of faces with many.
     boxes: HashMap<u32, BoxTree>,
     /// The faces that have a contact edge elsewhere than along a border that no face of the plane continues.
     pub(super) parted: HashSet<u32>,
@@ -126,7 +127,7 @@ impl Found {
         on_faces
     }
 
-    /// Returns the contact edges of all pairs of faces with the ground that each lies on: of faces that touch it, and of those that hang over it.
+    /// Returns the contact edges of all pairs of faces, with the face on which each lies: those of touching, then those of hanging faces.
     fn pairs(scene: &Scene) -> [Vec<(u32, ContactEdge)>; 2] {
         let outlines: Vec<Positions> = scene.faces.par_iter().map(|face| scene.positions(face)).collect();
         let normals: Vec<DVec3> = outlines
@@ -158,7 +159,7 @@ impl Found {
                 }
             })
         };
-        // One after the other, for the sake of memory: each is work for all threads.
+        // One after the other, to save memory: each is work for all threads.
         [false, true].map(found)
     }
 
@@ -179,7 +180,7 @@ impl Found {
             .filter_map(|face| Some((face, self.on_face(face)?)))
     }
 
-    /// Takes the edges with the faces that they lie on. What hangs comes last: pieces depend on the order.
+    /// Stores the edges with the faces on which they lie. Hanging ones come last: pieces depend on the order.
     fn new(n_faces: usize, touching: &[(u32, ContactEdge)], hanging: &[(u32, ContactEdge)]) -> Self {
         let all = || touching.iter().chain(hanging);
         let mut first = vec![0_u32; n_faces + 1];
@@ -215,11 +216,11 @@ impl Found {
         }
     }
 
-    /// Returns whether faces on one of two faces or both stand along a line: along the middle half of it at least, without a gap.
+    /// Returns whether faces on one or both of two faces stand along a line: at least along its middle half, without a gap.
     pub(super) fn stand_between(&self, faces: [u32; 2], from: DVec3, to: DVec3) -> bool {
         let middle = [from.lerp(to, 0.25), from.lerp(to, 0.75)];
         let mut is_one = false;
-        // Where several faces stand, as distances from the middle half's start.
+        // The ranges where faces stand, as distances from the middle half's start.
         let mut parts: Vec<[f64; 2]> = Vec::new();
         let mut tolerance = 0.0_f64;
         for here in faces.iter().filter_map(|&face| self.on_face(face)) {
@@ -235,7 +236,7 @@ impl Found {
     }
 }
 
-/// Up to which distances a face meets others of its size or more, in m.
+/// The distances up to which a face meets others of its size or more, in m.
 #[derive(Clone, Copy, Debug)]
 struct Reach {
     /// It touches them.
@@ -253,7 +254,7 @@ impl Reach {
     }
 }
 
-/// Returns up to which distances each face meets others.
+/// Returns the distances up to which each face meets others.
 fn reaches(scene: &Scene, outlines: &[Positions]) -> Vec<Reach> {
     let (slack, of_places) = (scene.slack(), PLACES * scene.last_place());
     let largest = |outline: &Positions| outline.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
@@ -271,7 +272,7 @@ fn reaches(scene: &Scene, outlines: &[Positions]) -> Vec<Reach> {
 
 /// Returns the size of each face together with those that continue it in its plane: walls may be drawn in small faces, each with vertices of its own.
 fn sizes_in_plane(scene: &Scene, outlines: &[Positions]) -> Vec<f64> {
-    // Of 0 and -0, which are one, the bits differ.
+    // 0 and -0 are equal, but their bits differ.
     let bits = |v: &DVec3| (*v + DVec3::ZERO).to_array().map(f64::to_bits);
     let mut places: Vec<([u64; 3], u32)> = (0..).zip(&scene.vertices).map(|(k, v)| (bits(v), k)).collect();
     places.par_sort_unstable();
@@ -332,7 +333,7 @@ fn parted(joints: &[(FaceEdge, FaceEdge)], scene: &Scene, found: &Found) -> Hash
     found.faces().flat_map_iter(of_face).collect()
 }
 
-/// Returns whether parts of a line cover it from 0 to its length; those that were meant to touch do.
+/// Returns whether parts of a line cover it from 0 to its length, up to the tolerance of faces that were meant to touch.
 fn cover(mut parts: Vec<[f64; 2]>, length: f64, tolerance: f64) -> bool {
     parts.sort_by(|a, b| a[0].total_cmp(&b[0]));
     let without_gap = parts.iter().try_fold(0.0_f64, |reached, &[start, end]| {
@@ -341,7 +342,7 @@ fn cover(mut parts: Vec<[f64; 2]>, length: f64, tolerance: f64) -> bool {
     !parts.is_empty() && without_gap.is_some_and(|reached| reached >= length - tolerance)
 }
 
-/// So few contact edges are looked at one by one.
+/// The number of contact edges up to which they are tested one by one.
 const FEW: usize = 8;
 
 impl OnFace<'_> {
@@ -359,7 +360,7 @@ impl OnFace<'_> {
     }
 }
 
-/// Returns the box around a contact edge and what counts as on it.
+/// Returns the box around a contact edge and the points that count as on it.
 fn box_around(edge: &ContactEdge) -> (DVec3, DVec3) {
     let (least, greatest) = bounding_box(&[edge.from, edge.to]);
     (least - edge.tolerance, greatest + edge.tolerance)
@@ -377,12 +378,12 @@ impl Plane {
         self.normal.dot(point - self.origin)
     }
 
-    /// Returns the heights of the corners of a face, 0 for those that it does not have.
+    /// Returns the heights of the corners of a face; 0 for a fourth corner that it lacks.
     fn heights(self, wall: &[DVec3]) -> [f64; 4] {
         std::array::from_fn(|k| wall.get(k).map_or(0.0, |&corner| self.height(corner)))
     }
 
-    /// Returns between which points a face that reaches in front of the plane meets it, if that is a line; corners within a tolerance are on the plane.
+    /// Returns the ends of the line in which a face that reaches in front of the plane meets it, if it does; corners within a tolerance are on the plane.
     fn line_of(wall: &[DVec3], heights: &[f64; 4], tolerance: f64) -> Option<[DVec3; 2]> {
         let heights = &heights[..wall.len()];
         if !heights.iter().any(|&h| h > tolerance) {
@@ -442,7 +443,7 @@ impl Plane {
         }
     }
 
-    /// Returns the line below which a convex polygon hangs over the ground in the plane, where more of it does than meets the plane.
+    /// Returns the line below which a convex polygon hangs over the ground in the plane, if it is longer than that in which it meets the plane.
     fn edge_below(self, ground: &[DVec3], wall: &[DVec3], reach: Reach) -> Option<ContactEdge> {
         let heights = self.heights(wall);
         let of_wall = heights[..wall.len()].iter();

@@ -7,7 +7,7 @@ use super::patch::PatchId;
 use super::patches::Mesh;
 use super::pieces::{Corner, Pieces};
 
-/// A patch that contact edges cross: what it collects on one side of them it gives on the other, a light leak.
+/// A patch that contact edges cross: light that arrives on one side of them leaves on the other, a light leak.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CrossedPatch {
     /// The patch.
@@ -17,7 +17,7 @@ pub struct CrossedPatch {
 }
 
 impl ContactEdges<'_> {
-    /// Returns the patches of a mesh of the scene that contact edges cross, in pieces that end there.
+    /// Returns the patches of a mesh of the scene that contact edges cross, in pieces between these.
     ///
     /// No patch of a mesh that is [cut](super::MeshOptions::cut_at_walls) is crossed, unless faces have moved since.
     #[must_use]

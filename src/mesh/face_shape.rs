@@ -1,6 +1,6 @@
-//! How a face was cut.
+//! The subdivision of a face.
 
-/// The patches of one face, in their order: what a hierarchy needs to know of how a face was cut.
+/// The patches of one face, in their order, as a hierarchy needs them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaceShape {
     /// n_u × n_v quads, u fastest.

@@ -1,4 +1,4 @@
-//! The patch of a face that a point lies in.
+//! The patch of a face at a given point.
 
 use glam::{DVec2, DVec3};
 
@@ -32,7 +32,7 @@ struct PieceGrids {
     outline: FlatOutline,
     tree: PieceTree,
     grids: Vec<PieceGrid>,
-    /// How far the contact edges that cut it are off its plane, in m.
+    /// The greatest distance from the plane of the contact edges that cut it, in m.
     misfit: f64,
 }
 
@@ -65,7 +65,7 @@ impl FaceGrid {
         Self { first_patch, shape }
     }
 
-    /// Takes the pieces of a face, and how these are cut, in their order.
+    /// Makes the grids of the pieces of a face, with their subdivisions in the same order.
     pub(super) fn pieces(first_patch: u32, pieces: &Pieces, shapes: &[FaceShape]) -> Self {
         let mut n_patches = 0;
         let grids = pieces.outlines.iter().zip(shapes).map(|(outline, &shape)| {
@@ -86,7 +86,7 @@ impl FaceGrid {
         Self { first_patch, shape }
     }
 
-    /// Returns how far the contact edges that cut the face are off its plane, in m; `None` of a face that is not cut.
+    /// Returns the greatest distance from the plane of the contact edges that cut the face, in m; `None` for a face that is not cut.
     pub(super) fn misfit(&self) -> Option<f64> {
         match &self.shape {
             Shape::Pieces(pieces) => Some(pieces.misfit),
@@ -94,7 +94,7 @@ impl FaceGrid {
         }
     }
 
-    /// Returns how the face, or each of its pieces, is cut, in the order of the patches.
+    /// Returns the subdivision of the face, or of each of its pieces, in the order of the patches.
     pub(super) fn shapes(&self) -> Vec<FaceShape> {
         match &self.shape {
             Shape::Triangle { n } => vec![FaceShape::Triangle { n: *n }],
@@ -132,7 +132,7 @@ impl FaceGrid {
     }
 }
 
-/// Splits x in [0, 1] into the cell of n and the place inside it; rounding just outside is moved to the border.
+/// Splits x in [0, 1] into the cell of n and the position in it; rounding just outside is moved to the border.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -154,7 +154,7 @@ fn locate_in_triangle(n: u32, u: f64, v: f64) -> (u32, [f64; 4]) {
     let (j, t) = split(v, n);
     let (mut i, mut s) = split(u, n);
     if i + j >= n {
-        // Rounding put the point beyond the long edge: the last upright triangle of the row is meant.
+        // Rounding put the point beyond the long edge: it belongs to the last upright triangle of the row.
         i = n - 1 - j;
         s = 1.0;
     }
@@ -209,7 +209,7 @@ impl FlatOutline {
         }
     }
 
-    /// Returns the coordinates of a point that a grid counts its cells in.
+    /// Returns the coordinates of a point in the units of a grid.
     fn local(&self, point: DVec2) -> DVec2 {
         match self {
             Self::Triangle([a, b, c]) => {

@@ -7,14 +7,14 @@ use super::patches::Mesh;
 use crate::scene::hash::{count, hexadecimal, numbers};
 
 impl Mesh {
-    /// Returns the SHA-256 of the patches' corners, as 64 hexadecimal digits: what form factors depend on.
+    /// Returns the SHA-256 of the patches' corners, on which form factors depend, as 64 hexadecimal digits.
     ///
     /// Two meshes have the same hash if their patches have the same corners (to the last bit, 0 and −0 being the same), in the
-    /// same order. The patches are all that blocks light too. Materials and names do not matter.
+    /// same order. The patches are also all occluders. Materials and names do not matter.
     #[must_use]
     pub fn geometry_hash(&self) -> String {
         let mut hasher = Sha256::new();
-        // The first line tells a later layout of these bytes from this one.
+        // The first line distinguishes these bytes from a later layout.
         hasher.update(b"radiosity patches 1\n");
         count(&mut hasher, self.n_patches());
         for i in 0..self.n_patches() {

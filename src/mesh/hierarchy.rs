@@ -12,14 +12,15 @@ pub use super::face_shape::FaceShape;
 use adjacency::Neighbours;
 use cells::FaceCells;
 
-/// How values come from a coarse level to the next finer one.
+/// The interpolation of values from a coarse level to the next finer one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Prolongation {
     /// Every patch takes the value of its parent: order 0, exact for constants.
     #[default]
     Injection,
-    /// Bilinear between the parent and its neighbours in the grid of the same face, at the patch's centre; linear along the edges of a face and the
-    /// parent's value at its corners, because light jumps from face to face. Between grids of equal cells the weights are 9, 3, 3, 1 sixteenths inside.
+    /// Bilinear between the parent and its neighbours in the grid of the same face, at the patch's centre.
+    ///
+    /// It is linear along the edges of a face and the parent's value at its corners, because light jumps from face to face. Between grids of equal cells the weights are 9, 3, 3, 1 sixteenths inside.
     /// Triangles and groups of faces have no such grid: there it is injection.
     ///
     /// Source: [`LEWIS_1992`](crate::references::LEWIS_1992), section 5.5, the first of its two rules. Departures: none on grids of 2 × 2 unions.
@@ -124,7 +125,7 @@ impl Hierarchy {
         patches.then(labels.to_vec(), areas)
     }
 
-    /// Adds a coarsest level in which patch I of the present coarsest one becomes part of `parents[I]`; `areas` are those of the finest level.
+    /// Adds a coarsest level in which patch I of the present coarsest one joins `parents[I]`; `areas` are those of the finest level.
     ///
     /// # Panics
     /// If there is not one parent for each patch of the coarsest level, or a number below the greatest parent has no patch.
@@ -227,13 +228,13 @@ impl Coarsening {
         &self.shares
     }
 
-    /// Returns the patches that coarse patch `parent` consists of, ascending.
+    /// Returns the patches of coarse patch `parent`, ascending.
     #[must_use]
     pub fn children(&self, parent: usize) -> &[u32] {
         &self.children[span(&self.ends, parent)]
     }
 
-    /// Returns the coarse patches and weights that the bilinear value of a patch is made of; the weights are positive and sum to 1.
+    /// Returns the coarse patches and weights of the bilinear value of a patch; the weights are positive and sum to 1.
     #[must_use]
     pub fn bilinear(&self, patch: usize) -> &[(u32, f64)] {
         &self.stencil[span(&self.stencil_ends, patch)]
@@ -265,7 +266,7 @@ impl Coarsening {
         coarse
     }
 
-    /// Returns the values on the finer level, \[n\], that coarse values \[m\] amount to.
+    /// Returns the values on the finer level, \[n\], of coarse values \[m\].
     #[must_use]
     pub fn prolonged(&self, prolongation: Prolongation, coarse: &[f64]) -> Vec<f64> {
         match prolongation {

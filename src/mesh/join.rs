@@ -14,10 +14,10 @@ use crate::disjoint_sets::DisjointSets;
 use crate::geometry::box_pairs::collected_pairs;
 use crate::scene::Corners;
 
-/// Planes whose unit normals differ by less than this are parallel, as for faces that share an edge.
+/// The greatest difference of unit normals of parallel planes, as for faces that share an edge.
 const BEND: f64 = 1e-9;
 
-/// Gives patches of one plane vertices of their own where a contact edge runs between them.
+/// Gives patches of one plane separate vertices where a contact edge runs between them.
 pub(super) fn part(mesh: &mut Mesh, contact_edges: &ContactEdges<'_>) {
     // Faces that are patches, none of which continues another.
     if mesh.n_patches() == contact_edges.scene.faces.len() && contact_edges.flat_joints().is_empty() {
@@ -50,7 +50,7 @@ pub(super) fn part(mesh: &mut Mesh, contact_edges: &ContactEdges<'_>) {
     if parted.is_empty() {
         return;
     }
-    // Patches stay together at a vertex where a way from one to the other leads around it: at the end of a contact edge.
+    // Patches keep a common vertex where a way around it leads from one to the other: at the end of a contact edge.
     let ends: HashSet<u32> = parted.iter().map(|edge| edge.0).collect();
     let mut around: HashMap<u32, Vec<usize>> = HashMap::new();
     for (patch, of_patch) in patches {
@@ -76,7 +76,7 @@ pub(super) fn part(mesh: &mut Mesh, contact_edges: &ContactEdges<'_>) {
                 }
             }
         }
-        // The first keeps the old one: a set is known by its least member.
+        // The first keeps the old vertex: a set is named by its least member.
         let mut own: HashMap<usize, u32> = HashMap::new();
         own.insert(0, vertex);
         for (k, &patch) in here.iter().enumerate() {
@@ -129,7 +129,7 @@ pub(super) fn find_seams(mesh: &Mesh, contact_edges: &ContactEdges<'_>) -> Seams
         (a.min(b) - slack, a.max(b) + slack)
     });
     let mut sets: Option<DisjointSets> = None;
-    // On the edge of a patch, by its first vertex: hanging vertices and how far along they are.
+    // For the edge of a patch, by its first vertex: hanging vertices and their distances along it.
     let mut hanging: HashMap<(usize, u32), Vec<(f64, u32)>> = HashMap::new();
     let in_one_plane = collected_pairs(boxes.collect(), |i, j, found: &mut Vec<[Edge; 2]>| {
         let pair = [edges[i as usize], edges[j as usize]];
@@ -212,7 +212,7 @@ fn free_edges(mesh: &Mesh) -> Vec<Edge> {
     by_ends.par_sort_by_key(|edge| edge.0);
     let mut free: Vec<Edge> = Vec::new();
     for between in by_ends.chunk_by(|a, b| a.0 == b.0) {
-        // The last one either way that nothing has met so far.
+        // The last edge in each direction without a partner so far.
         let mut unmet = [None; 2];
         for &(_, edge) in between {
             let way = usize::from(edge.from < edge.to);
@@ -226,7 +226,7 @@ fn free_edges(mesh: &Mesh) -> Vec<Edge> {
     free
 }
 
-/// Returns for each patch whether no other one has nearly its normal: it continues none, as most triangles of a curved surface.
+/// Returns for each patch whether no other has nearly its normal: then it continues none, as most triangles of a curved surface.
 fn only_ones_of_their_normal(mesh: &Mesh) -> Vec<bool> {
     let mut by_x: Vec<(f64, usize)> = mesh.patches.iter().map(|patch| patch.normal.x).zip(0..).collect();
     by_x.par_sort_unstable_by(|a, b| a.0.total_cmp(&b.0));

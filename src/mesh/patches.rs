@@ -10,15 +10,15 @@ use crate::scene::FaceId;
 
 /// All patches of a scene, contiguous per face and in the order of the faces.
 ///
-/// Vertices are shared between neighbouring patches of the same plane only, and not where a contact edge runs between them: a value interpolated from them has no
-/// crack inside a flat surface, stays sharp at a crease, and does not leak from one room into another. Two flat faces that share an edge are cut in the same
-/// places along it, whatever the [`Subdivision`](super::Subdivision); where a long edge lies beside shorter ones (a T-junction), as beside faces that [end at contact edges](super::MeshOptions::cut_at_walls),
-/// [interpolation](Self::interpolate) sees the vertices of both sides.
+/// Only neighbouring patches of the same plane share vertices, and not where a contact edge runs between them: a value interpolated from them has no
+/// crack inside a flat surface, stays sharp at a crease, and does not leak from one enclosure into another. Two flat faces that share an edge are cut in the same
+/// positions along it, whatever the [`Subdivision`](super::Subdivision); where a long edge lies beside shorter ones (a T-junction), as beside faces that [end at contact edges](super::MeshOptions::cut_at_walls),
+/// [interpolation](Self::interpolate) uses the vertices of both sides.
 #[derive(Clone, Debug)]
 pub struct Mesh {
     /// The patches: the unknowns.
     pub patches: Vec<Patch>,
-    /// Positions of the vertices, in m. A position stands more than once where planes meet.
+    /// Positions of the vertices, in m; a position has several vertices where planes meet.
     pub vertices: Vec<DVec3>,
     pub(super) grids: Vec<FaceGrid>,
     pub(super) seams: Seams,
@@ -31,13 +31,14 @@ impl Mesh {
         self.patches.len()
     }
 
-    /// Returns how far the contact edges at which a face is cut are off its plane, in m, or `None` of a face that is not cut: the corners of its patches are known no better than that, nor than those of the
-    /// faces that stand on it.
+    /// Returns the greatest distance from a face's plane of the contact edges at which it is cut, in m; `None` for a face that is not cut.
+    ///
+    /// The corners of its patches are no more accurate than that, nor than those of the faces that stand on it.
     pub(crate) fn misfit(&self, face: FaceId) -> Option<f64> {
         self.grids[face.0 as usize].misfit()
     }
 
-    /// Returns how many faces are cut at contact edges: see [`MeshOptions::cut_at_walls`](super::MeshOptions::cut_at_walls).
+    /// Returns the number of faces cut at contact edges: see [`MeshOptions::cut_at_walls`](super::MeshOptions::cut_at_walls).
     #[must_use]
     pub fn n_cut_faces(&self) -> usize {
         self.grids.iter().filter(|grid| grid.misfit().is_some()).count()
@@ -71,7 +72,7 @@ impl Mesh {
         self.grids[face.0 as usize].locate(u, v)
     }
 
-    /// Returns, for every vertex, the mean of `per_patch` over the patches that it lies on the border of, weighted by area.
+    /// Returns, for every vertex, the mean of `per_patch` over the patches on whose border it lies, weighted by area.
     ///
     /// Shapes: \[n_patches, c\] to \[n_vertices, c\]. A constant stays that constant to rounding, and no value leaves the
     /// range of its patches. Second order in the patch size inside a flat surface, first order along its border.

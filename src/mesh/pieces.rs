@@ -1,7 +1,7 @@
 //! Convex pieces of a face, cut along the contact edges on it.
 //!
-//! A patch that runs on under a wall carries light from one side to the other (a light leak), and what an object covers of a patch counts as if it were lit. Where faces end at contact edges no patch
-//! does either. Each contact edge cuts the piece that it lies on, along its whole line, so that pieces stay convex; a tree of these lines finds the piece of a point.
+//! A patch that straddles a wall leaks light across it, and its part under an object counts as lit. Where faces end at contact edges, so do
+//! patches. Each contact edge cuts the piece on which it lies, along its whole line, so that pieces stay convex; a tree of these lines finds the piece of a point.
 //!
 //! Source: [`BAUM_1991`](crate::references::BAUM_1991). Departures: lines through whole pieces in the place of a triangulation.
 
@@ -12,10 +12,10 @@ use glam::{DVec2, DVec3};
 use super::contact_edge::ContactEdge;
 use crate::geometry::polygon;
 
-/// So many contact edges are tried as the next line of a piece.
+/// The most contact edges that are tried as the next line of a piece.
 const MAX_TRIED: usize = 64;
 
-/// A contact edge that the line of another one cuts in two counts as much as so many more on one side than on the other.
+/// The cost of a contact edge that a line cuts in two, in contact edges that one side has more than the other.
 const COST_OF_CUT: usize = 8;
 
 /// A corner of a piece, in the plane of the face and in space.
@@ -25,7 +25,7 @@ pub(super) struct Corner {
     pub(super) place: DVec3,
 }
 
-/// A line, and what lies on either side of it: where the cross product of its direction with what leads from its start is not negative, and where it is.
+/// A line, and the nodes on either side of it: where the cross product of its direction with the way from its start is not negative, and where it is.
 #[derive(Clone, Debug)]
 enum Node {
     Line {
@@ -44,7 +44,7 @@ pub(super) struct PieceTree {
 }
 
 impl PieceTree {
-    /// Returns the number of the piece that a point of the face lies in.
+    /// Returns the number of the piece that contains a point of the face.
     pub(super) fn piece_at(&self, point: DVec2) -> usize {
         let mut node = 0;
         loop {
@@ -58,14 +58,14 @@ impl PieceTree {
     }
 }
 
-/// The pieces of a face, each with three or four corners, counter-clockwise, and where they are.
+/// The pieces of a face, each with three or four corners, counter-clockwise, and their positions.
 #[derive(Clone, Debug)]
 pub(super) struct Pieces {
     /// The face itself.
     pub(super) face: Vec<Corner>,
     pub(super) outlines: Vec<Vec<Corner>>,
     pub(super) tree: PieceTree,
-    /// How far the contact edges are off the plane, in m.
+    /// The greatest distance of the contact edges from the plane, in m.
     pub(super) misfit: f64,
 }
 
@@ -73,7 +73,7 @@ pub(super) struct Pieces {
 #[derive(Clone, Copy, Debug)]
 struct Segment {
     ends: [DVec2; 2],
-    /// No piece beside it is thinner than this, in m: its tolerance.
+    /// The least thickness of a piece beside it, in m: its tolerance.
     least: f64,
 }
 
@@ -116,7 +116,7 @@ impl Pieces {
             } else if let Some((from, to)) = diagonal(&piece) {
                 let start = piece[from].flat;
                 let part = |range: RangeInclusive<usize>| range.map(|k| piece[k % piece.len()]).collect();
-                // What lies to the left of the way from one corner to the other comes after the other.
+                // The part to the left of the way from one corner to the other comes after the other.
                 let parts = [part(to..=from + piece.len()), part(from..=to)];
                 ((start, piece[to % piece.len()].flat - start), parts)
             } else {
@@ -145,7 +145,9 @@ impl Pieces {
     }
 }
 
-/// Returns how much of a contact edge lies inside a convex piece, if its line has some of the piece on both sides and it does not run along the border.
+/// Returns the length of a contact edge inside a convex piece, if its line has parts of the piece on both sides.
+///
+/// It must not run along the border.
 fn crosses(
     piece: &[Corner],
     Segment {
@@ -212,7 +214,9 @@ fn best_line(piece: &[Corner], contact_edges: &[Segment]) -> Option<Segment> {
         .map(|(_, _, edge)| edge)
 }
 
-/// Returns the corners of a piece with more than four between which a line cuts a quad off and leaves the best two parts; the second is counted on beyond the last one.
+/// Returns the corners of a piece with more than four between which a line cuts off a quad and leaves the best two parts.
+///
+/// The number of the second continues beyond the last corner.
 fn diagonal(piece: &[Corner]) -> Option<(usize, usize)> {
     let n = piece.len();
     if n <= 4 {
@@ -235,7 +239,7 @@ fn diagonal(piece: &[Corner]) -> Option<(usize, usize)> {
     Some((best, best + 3))
 }
 
-/// Returns the part of a convex piece that lies to the left of a line; corners within `least` of the line are taken to be on it.
+/// Returns the part of a convex piece to the left of a line; corners within `least` of the line count as on it.
 fn part_beside(piece: &[Corner], start: DVec2, along: DVec2, least: f64) -> Vec<Corner> {
     let height = |corner: &Corner| {
         let h = along.perp_dot(corner.flat - start);

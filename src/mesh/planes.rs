@@ -6,10 +6,10 @@ use rayon::prelude::*;
 use crate::geometry::polygon;
 use crate::scene::{FaceId, Scene};
 
-/// One edge of one face: the face and the place of the edge's first corner.
+/// One edge of one face: the face and the number of the edge's first corner.
 pub(super) type FaceEdge = (FaceId, usize);
 
-/// Planes whose unit normals differ by less than this are one.
+/// The greatest difference of unit normals of one plane.
 const BEND: f64 = 1e-9;
 
 /// Pairs of face edges along which two faces of one plane, facing the same way, continue each other.
@@ -17,9 +17,9 @@ pub(super) fn flat_joints(scene: &Scene) -> Vec<(FaceEdge, FaceEdge)> {
     flat_joints_by(scene, |vertex| vertex, BEND)
 }
 
-/// Returns such pairs where vertices are told apart by a number, and unit normals of one plane differ by less than `most`.
+/// Returns such pairs where vertices are identified by a number, and unit normals of one plane differ by less than `most`.
 pub(super) fn flat_joints_by(scene: &Scene, number: impl Fn(u32) -> u32, most: f64) -> Vec<(FaceEdge, FaceEdge)> {
-    // All edges by their ends, whichever way they run; the neighbour on the same side of a plane runs along the edge in the opposite sense.
+    // All edges by their ends, whichever way they run; the neighbour on the same side of a plane runs along the edge in the opposite direction.
     let mut edges: Vec<([u32; 2], FaceEdge, bool)> = Vec::with_capacity(4 * scene.faces.len());
     for face in scene.face_ids() {
         let corners = scene.faces[face.0 as usize].corners;

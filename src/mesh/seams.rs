@@ -1,27 +1,27 @@
-//! Where patches of one plane meet along a line without sharing all vertices on it: T-junctions.
+//! T-junctions, where patches of one plane meet along a line without sharing all vertices on it.
 //!
 //! Faces that share an edge are cut alike, and their patches share vertices. Where a long edge runs beside several short ones, or patches have moved side by
 //! side, they do not, and values interpolated on either side would differ: a seam. Here the vertices that hang on a patch's edge become corners of its outline for
-//! interpolation, and vertices in one place become one. Then both sides are linear between the same points with the same values.
+//! interpolation, and vertices in one place become one. Both sides are then linear between the same points with the same values.
 
 use std::collections::{BTreeMap, HashMap};
 
 use glam::DVec3;
 
-/// Points nearer than this part of the longer of two edges are one, and so are lines: far more than rounding, far less than a patch.
+/// The part of the longer of two edges within which points are one, and lines too: far more than rounding, far less than a patch.
 pub(super) const SLACK: f64 = 1e-9;
 
 /// The T-junctions for interpolation; empty for most meshes.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Seams {
-    /// The vertex that stands for each of those that others lie on.
+    /// The vertex that represents each vertex in the same place as another.
     pub(super) same: HashMap<u32, u32>,
     /// The outlines of patches with more vertices than corners, counter-clockwise.
     pub(super) outlines: BTreeMap<u32, Vec<u32>>,
 }
 
 impl Seams {
-    /// Returns the vertex that stands for a vertex.
+    /// Returns the vertex that represents a vertex.
     pub(super) fn of(&self, vertex: u32) -> u32 {
         self.same.get(&vertex).copied().unwrap_or(vertex)
     }
@@ -46,7 +46,7 @@ pub(crate) fn mean_value_weights(outline: &[DVec3], x: DVec3, mut visit: impl Fn
             return;
         }
     }
-    // tan(α/2) = sin α / (1 + cos α) = (1 − cos α) / sin α: without a difference of what is nearly equal, as it would be near an edge, where α nears π.
+    // tan(α/2) = sin α / (1 + cos α) = (1 − cos α) / sin α: without a difference of nearly equal numbers, as there would be near an edge, where α nears π.
     let half_tangent = |k: usize| {
         let (a, b) = (outline[k % n] - x, outline[(k + 1) % n] - x);
         let (sine, cosine, unit) = (a.cross(b).length(), a.dot(b), a.length() * b.length());

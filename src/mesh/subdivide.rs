@@ -20,7 +20,7 @@ use crate::geometry::polygon;
 use crate::parameter::{Named, Parameter, plainly};
 use crate::scene::{Corners, FaceId, Scene};
 
-/// How finely faces are cut.
+/// The fineness of the subdivision of faces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Subdivision {
     /// Every edge into N parts: a quad into N × N quads, a triangle into N² triangles.
@@ -30,12 +30,14 @@ pub enum Subdivision {
     MaxEdge(f64),
 }
 
-/// How a scene is cut into patches.
+/// The options for cutting a scene into patches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshOptions {
-    /// How finely faces are cut.
+    /// The fineness of the subdivision.
     pub subdivision: Subdivision,
-    /// True if faces are cut at the [contact edges](ContactEdges) on them. Then no light leaks under a wall, and the covered part of a floor does not count as lit.
+    /// True if faces are cut at the [contact edges](ContactEdges) on them.
+    ///
+    /// Then no light leaks under a wall, and the covered part of a floor does not count as lit.
     /// Contact edges cut a face into triangles and convex quads, and these are cut as `subdivision` says: [`Uniform`](Subdivision::Uniform) into patches about as long as those of the whole face.
     /// Faces without contact edges, or with some along their borders alone, are cut as if this were false.
     ///
@@ -47,12 +49,12 @@ pub struct MeshOptions {
     /// | 0.4 m | 13 %, 737 patches | 0.51 %, 862 patches |
     /// | 0.2 m | 2.5 %, 2774 patches | 0.13 %, 3010 patches |
     ///
-    /// Behind the wall it is dark then; else the light that leaks under it is up to 4 % of that on this side.
+    /// With cut faces, it is dark behind the wall; with whole faces, the light that leaks under it is up to 4 % of that on this side.
     pub cut_at_walls: bool,
 }
 
 impl From<Subdivision> for MeshOptions {
-    /// Faces stay whole at contact edges.
+    /// Makes options with faces left whole at contact edges.
     fn from(subdivision: Subdivision) -> Self {
         Self {
             subdivision,
@@ -116,7 +118,7 @@ pub(super) fn subdivide(options: MeshOptions, contact_edges: &ContactEdges<'_>) 
     Ok(builder.mesh)
 }
 
-/// Returns how many patches [`subdivide`] makes.
+/// Returns the number of patches of [`subdivide`].
 pub(super) fn count(options: MeshOptions, contact_edges: &ContactEdges<'_>) -> Result<u64, MeshError> {
     let scene = contact_edges.scene;
     let parts = edge_parts(scene, options.subdivision, contact_edges.flat_joints())?;
@@ -130,13 +132,13 @@ pub(super) fn count(options: MeshOptions, contact_edges: &ContactEdges<'_>) -> R
     Ok(n_patches as u64)
 }
 
-/// The pieces of a face, and how each is cut.
+/// The pieces of a face, and the subdivision of each.
 struct CutFace<'a> {
     pieces: &'a Pieces,
     shapes: Vec<FaceShape>,
 }
 
-/// Cuts the faces that contact edges cross, if that is wanted.
+/// Cuts the faces that contact edges cross, if the options ask for it.
 fn pieces<'a>(options: MeshOptions, contact_edges: &'a ContactEdges<'_>) -> BTreeMap<FaceId, CutFace<'a>> {
     if !options.cut_at_walls {
         return BTreeMap::new();
@@ -157,7 +159,7 @@ fn pieces<'a>(options: MeshOptions, contact_edges: &'a ContactEdges<'_>) -> BTre
     cut.collect()
 }
 
-/// Returns how a piece is cut into patches whose edges are not longer than `longest`.
+/// Returns the subdivision of a piece into patches whose edges are at most `longest`.
 fn piece_shape(outline: &[Corner], longest: f64) -> FaceShape {
     let parts = |k: usize| n_parts(outline[k].flat.distance(outline[(k + 1) % outline.len()].flat), longest);
     #[expect(
@@ -178,7 +180,7 @@ fn piece_shape(outline: &[Corner], longest: f64) -> FaceShape {
     }
 }
 
-/// Returns into how many parts an edge is cut; one that is a whole multiple up to rounding is not cut once more.
+/// Returns the number of parts of an edge; one that is a whole multiple up to rounding is not cut once more.
 fn n_parts(length: f64, longest: f64) -> f64 {
     (length / longest * (1.0 - 1e-12)).ceil().max(1.0)
 }
@@ -262,7 +264,7 @@ fn edge_parts(
         .collect()
 }
 
-/// Where a vertex stands: enough to find it again from the neighbouring face.
+/// The position of a vertex, by which the neighbouring face finds it again.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 enum Place {
     Corner(u32),
@@ -280,11 +282,11 @@ struct Builder<'a> {
     /// The vertices of the scene, and further corners of pieces.
     corners: Cow<'a, [DVec3]>,
     plane_of_face: Vec<usize>,
-    /// Planes in use; those of faces are numbered by faces.
+    /// The number of planes in use; those of faces are numbered by faces.
     n_planes: usize,
     /// Vertices on the edge of a face, by plane and place.
     shared: HashMap<(usize, Place), u32>,
-    /// The last vertex made at each corner, and of each vertex the plane and the one made before it at its corner.
+    /// The last vertex made at each corner, and for each vertex its plane and the one made before it at its corner.
     at_corner: Vec<Option<u32>>,
     before: Vec<(usize, Option<u32>)>,
     mesh: Mesh,
@@ -331,7 +333,9 @@ impl<'a> Builder<'a> {
         }
     }
 
-    /// Adds the pieces of a face. Each has vertices of its own, as if it lay in a plane of its own: contact edges may run along their borders, and seams tell where.
+    /// Adds the pieces of a face, each with separate vertices, as if it lay in a plane of its own.
+    ///
+    /// Contact edges may run along their borders, and seams join the others.
     fn add_pieces(&mut self, face: FaceId, CutFace { pieces, shapes }: &CutFace<'_>) {
         let first_patch = id(self.mesh.patches.len());
         // A corner of several pieces is one: they compute the same bits along the edges between them.
@@ -439,7 +443,7 @@ impl<'a> Builder<'a> {
         move |i, j| ids[(j * (n_u + 1) + i) as usize]
     }
 
-    /// Returns the id of a vertex: an old one if its place in this plane is known, else a new one.
+    /// Returns the id of a vertex: an old one if its position in this plane is known, otherwise a new one.
     fn vertex(&mut self, plane: usize, place: Option<Place>, inside: impl FnOnce() -> DVec3) -> u32 {
         match place {
             None => self.new_vertex((plane, None), inside()),

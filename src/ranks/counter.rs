@@ -1,17 +1,17 @@
-//! Which chunks of a piece of work are given out.
+//! The chunks of a task that are given out.
 
 use super::Claim;
 
-/// The next chunk of a piece of work, and how far each rank has come.
+/// The next chunk of a task, and the progress of each rank.
 #[derive(Clone, Debug)]
 pub(super) struct Counter {
     next: u64,
-    /// The first chunk whose result each rank has not taken in, \[K\].
+    /// The first chunk whose result each rank has not received, \[K\].
     needed: Vec<u64>,
 }
 
 impl Counter {
-    /// Returns a counter of which nothing is given out.
+    /// Returns a counter with no chunk given out.
     pub(super) fn new(n_ranks: usize) -> Self {
         Self {
             next: 0,
@@ -19,7 +19,7 @@ impl Counter {
         }
     }
 
-    /// Gives out the next of `n` chunks, unless it is `window` chunks or more ahead of what a rank needs.
+    /// Gives out the next of `n` chunks, unless it is `window` chunks or more ahead of the first that a rank needs.
     pub(super) fn claim(&mut self, n: u64, window: u64) -> Claim {
         let first = self.needed.iter().copied().min().unwrap_or(0);
         if self.next >= n {
@@ -32,12 +32,12 @@ impl Counter {
         }
     }
 
-    /// Notes the first chunk whose result a rank needs.
+    /// Records the first chunk whose result a rank needs.
     pub(super) fn needs(&mut self, rank: usize, chunk: u64) {
         self.needed[rank] = self.needed[rank].max(chunk);
     }
 
-    /// Returns how many chunks are given out.
+    /// Returns the number of chunks given out.
     #[cfg(test)]
     pub(super) fn n_given(&self) -> u64 {
         self.next

@@ -1,23 +1,23 @@
-//! Chunks of work that ranks share, their results in order on every rank.
+//! Chunks of work that ranks share, with their results in order on every rank.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
 use super::{Claim, Ranks};
 
-/// How long a rank without work waits before it asks again.
+/// The time after which a rank without work asks again.
 const PATIENCE: Duration = Duration::from_millis(20);
 
-/// How the result of a chunk becomes bytes for other ranks, and what they make of these.
+/// The conversion of a chunk's result into bytes for other ranks, and back.
 pub(crate) struct Code<E, D> {
     pub(crate) encode: E,
-    /// Of the chunk of a number.
+    /// Decodes the result of the chunk of a number.
     pub(crate) decode: D,
 }
 
 /// Yields the results of chunks 0, 1, ..., n − 1 on every rank, each computed by one of them, and whether that was this one.
 ///
-/// A rank computes a chunk whenever the next result is not there yet. Chunks are given out up to `window` ahead of the rank that yielded the fewest: so many results wait on a rank at most.
+/// A rank computes a chunk whenever the next result has not arrived. Chunks are given out up to `window` ahead of the rank that yielded the fewest, so that at most as many results wait on a rank.
 pub(crate) struct InTurn<'a, T, W, E, D> {
     ranks: &'a dyn Ranks,
     number: u64,
@@ -58,7 +58,7 @@ where
         }
     }
 
-    /// Takes in what other ranks sent.
+    /// Receives the results from other ranks.
     fn receive(&mut self, wait: Duration) {
         let came = self.ranks.posted(self.number, wait);
         self.ready
@@ -144,7 +144,7 @@ mod tests {
         }
         fn post(&self, _work: u64, chunk: u64, result: Vec<u8>) {
             for other in &self.others {
-                // One that has all results is gone.
+                // A rank that has all results is gone.
                 let _ = other.send((chunk, result.clone()));
             }
         }

@@ -1,4 +1,4 @@
-//! Which ranks this process is started among.
+//! The ranks among which this process was started.
 
 use std::env;
 use std::sync::Arc;
@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use super::{Alone, Ranks};
 
-/// Variables by which launchers tell the number of ranks, and the number of this one: MPICH's, Open MPI's.
+/// The variables in which launchers set the number of ranks, and the number of this one: MPICH's, Open MPI's.
 const LAUNCHERS: [[&str; 2]; 2] = [
     ["PMI_SIZE", "PMI_RANK"],
     ["OMPI_COMM_WORLD_SIZE", "OMPI_COMM_WORLD_RANK"],
@@ -24,7 +24,7 @@ pub enum RanksError {
     NoMpi {
         /// The ranks that were started.
         n: usize,
-        /// Which of them this one is.
+        /// The number of this one.
         rank: usize,
     },
     /// The MPI library of the program does not know the launcher's ranks.
@@ -36,13 +36,13 @@ pub enum RanksError {
         n: usize,
         /// The ranks that the library finds.
         found: usize,
-        /// Which of them this one is.
+        /// The number of this one.
         rank: usize,
     },
 }
 
 impl RanksError {
-    /// Returns the number of this rank by the launcher: the first one prints the error.
+    /// Returns the number of this rank by the launcher; the first rank prints the error.
     #[must_use]
     pub fn rank(&self) -> usize {
         match self {
@@ -51,7 +51,7 @@ impl RanksError {
     }
 }
 
-/// Returns the number of ranks that a launcher started, and which of them this one is; `None` without a launcher.
+/// Returns the number of ranks that a launcher started, and that of this one; `None` without a launcher.
 fn launched(variable: impl Fn(&str) -> Option<String>) -> Option<(usize, usize)> {
     let number = |name: &str| variable(name)?.trim().parse().ok();
     LAUNCHERS
@@ -61,7 +61,7 @@ fn launched(variable: impl Fn(&str) -> Option<String>) -> Option<(usize, usize)>
 
 /// Returns the ranks that this process is one of: those of `mpirun`, or itself alone.
 ///
-/// Without a launcher, and in a build without the feature `mpi`, no MPI library is asked for anything.
+/// Without a launcher, and in a build without the feature `mpi`, no MPI library is called.
 ///
 /// # Errors
 /// [`RanksError`]: a launcher started several processes that are not ranks of one program.

@@ -1,8 +1,8 @@
 //! Several processes that do one piece of work together: the ranks of an MPI program.
 //!
-//! All ranks run the same command on the same input, each with its own threads. Work that is worth it is cut into chunks, which ranks take as they finish others
-//! ([`Ranks::claim`]), and every rank receives the results of all chunks in their order. So each rank goes through the same numbers at every step, and these are the numbers of a single rank; of form factors in memory it stores [a part](crate::matrix::Among). Rank 0
-//! alone prints and writes files.
+//! All ranks run the same command on the same input, each with its own threads. Work that is worth it is cut into chunks, which ranks claim as they finish others
+//! ([`Ranks::claim`]), and every rank receives the results of all chunks in their order. Each rank thus has the same numbers at every step, those of a single rank;
+//! of form factors in memory it stores [a part](crate::matrix::Among). Rank 0 alone prints and writes files.
 //!
 //! [`Alone`] is the single rank of an ordinary run. With the feature `mpi`, [`start`] returns the ranks that `mpirun` started.
 
@@ -25,7 +25,7 @@ use std::time::Duration;
 
 /// The ranks that work together; one of them is this process.
 ///
-/// Methods that are *collective* return on each rank once all ranks have called them, in the same order on each. Those that share work out do so for ranks that need it; without more, there is nothing to share.
+/// Methods that are *collective* return on each rank once all ranks have called them, in the same order on each. The provided methods for sharing work are those of a single rank.
 pub trait Ranks: Debug + Send + Sync {
     /// Returns K, the number of ranks.
     fn size(&self) -> usize;
@@ -33,7 +33,7 @@ pub trait Ranks: Debug + Send + Sync {
     /// Returns the number of this rank, below K.
     fn rank(&self) -> usize;
 
-    /// Returns what each rank gives, in the order of ranks. Collective.
+    /// Returns the bytes of each rank, in the order of ranks. Collective.
     fn all_gather(&self, own: &[u8]) -> Vec<Vec<u8>>;
 
     /// Returns the name of the machine.
@@ -42,40 +42,40 @@ pub trait Ranks: Debug + Send + Sync {
         "this machine"
     }
 
-    /// Returns the numbers that each rank gives, one after the other in the order of ranks. Collective.
+    /// Returns the numbers of each rank, one after the other in the order of ranks. Collective.
     fn all_gather_numbers(&self, own: &[f64]) -> Vec<f64> {
         let bytes: Vec<u8> = own.iter().flat_map(|x| x.to_le_bytes()).collect();
         let all = self.all_gather(&bytes).concat();
         all.as_chunks().0.iter().map(|x| f64::from_le_bytes(*x)).collect()
     }
 
-    /// Returns the number of the next piece of work that is shared out. Each rank gets the same, as it asks in the same order.
+    /// Returns the number of the next shared task, the same on each rank, as all ask in the same order.
     fn begin(&self) -> u64 {
         0
     }
 
-    /// Takes the next of `n` chunks of a piece of work, unless it is `window` chunks or more ahead of the rank that [needs](Self::needs) the earliest.
+    /// Claims the next of `n` chunks of a task, unless it is `window` chunks or more ahead of the rank that [needs](Self::needs) the earliest.
     fn claim(&self, _work: u64, _n: u64, _window: u64) -> Claim {
         Claim::Over
     }
 
-    /// Reports that this rank has received all results of a piece of work before those of `chunk`.
+    /// Reports that this rank has received all results of a task before those of `chunk`.
     fn needs(&self, _work: u64, _chunk: u64) {}
 
     /// Sends the result of a chunk to all other ranks.
     fn post(&self, _work: u64, _chunk: u64, _result: Vec<u8>) {}
 
-    /// Returns the results of chunks that other ranks sent and that were not returned before; waits for one as long as `wait`.
+    /// Returns the results of chunks that other ranks sent and that were not returned before; waits for one for at most `wait`.
     fn posted(&self, _work: u64, _wait: Duration) -> Vec<(u64, Vec<u8>)> {
         Vec::new()
     }
 
-    /// Returns what this rank has sent so far.
+    /// Returns the messages that this rank has sent so far.
     fn traffic(&self) -> Traffic {
         Traffic::default()
     }
 
-    /// Ends the work of this rank with an exit code, and returns how the program ends: collective, but for failures that other ranks do not share.
+    /// Ends the work of this rank with an exit code, and returns the end of the program; collective, but for failures that other ranks do not share.
     fn end(&self, end: End) -> Verdict {
         Verdict {
             code: end.code,
@@ -94,7 +94,7 @@ pub trait Ranks: Debug + Send + Sync {
         self.rank() == 0
     }
 
-    /// Returns how many ranks are on the machine of each rank, \[K\]. Collective.
+    /// Returns the number of ranks on the machine of each rank, \[K\]. Collective.
     fn on_each_host(&self) -> Vec<usize> {
         let hosts = self.all_gather(self.host().as_bytes());
         let same = |host: &Vec<u8>| hosts.iter().filter(|other| *other == host).count();
@@ -113,7 +113,7 @@ pub enum Claim {
     Over,
 }
 
-/// How the work of a rank ended.
+/// The end of a rank's work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct End {
     /// The exit code.
@@ -122,7 +122,7 @@ pub struct End {
     pub failed: bool,
 }
 
-/// How the program ends.
+/// The end of the program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Verdict {
     /// The exit code of all ranks.

@@ -1,9 +1,9 @@
 //! Results of chunks in messages of limited length.
 
-/// The bytes of a message at most: a count of MPI has 31 bits.
+/// The most bytes of a message: a count of MPI has 31 bits.
 const MAX_MESSAGE: usize = 1 << 30;
 
-/// The bytes at the end of a part of a result: piece of work, chunk, and whether more follow.
+/// The bytes at the end of a part of a result: task, chunk, and whether more follow.
 const TRAILER: usize = 24;
 
 /// Cuts a result into messages.
@@ -23,7 +23,7 @@ pub(super) fn parts(work: u64, chunk: u64, mut result: Vec<u8>) -> Vec<Vec<u8>> 
     }
 }
 
-/// Returns what [`parts`] put at the end of a message, and takes it off.
+/// Removes the trailer of [`parts`] from the end of a message, and returns it.
 pub(super) fn trailer(part: &mut Vec<u8>) -> Option<[u64; 3]> {
     let numbers = part.split_off(part.len().checked_sub(TRAILER)?);
     let (numbers, []) = numbers.as_chunks::<8>() else {

@@ -4,14 +4,14 @@ use std::sync::{Arc, Barrier, Mutex, PoisonError};
 
 use super::Ranks;
 
-/// The place where the ranks of a test meet.
+/// The shared state of the ranks of a test.
 #[derive(Debug)]
 struct Meeting {
     barrier: Barrier,
     given: Mutex<Vec<Vec<u8>>>,
 }
 
-/// A rank that can do collective work, and shares no chunks out.
+/// A rank for collective work, which does not share chunks out.
 #[derive(Debug)]
 struct ThreadRank {
     rank: usize,
@@ -19,7 +19,7 @@ struct ThreadRank {
     meeting: Arc<Meeting>,
 }
 
-/// Returns what `work` returns on each of so many ranks.
+/// Returns the results of `work` on each of so many ranks.
 pub(crate) fn on_ranks<R: Send>(size: usize, work: impl Fn(Arc<dyn Ranks>) -> R + Sync) -> Vec<R> {
     let meeting = Arc::new(Meeting {
         barrier: Barrier::new(size),

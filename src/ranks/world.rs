@@ -1,6 +1,6 @@
 //! The ranks of MPI's world.
 //!
-//! One thread of each rank makes all calls of the MPI library; the other threads tell it what to do. It looks for messages and sleeps in between, so that a rank that waits leaves its core to
+//! One thread of each rank makes all calls of the MPI library; the other threads send it commands. It polls for messages and sleeps in between, so that a rank that waits leaves its core to
 //! others, and rank 0 gives out chunks while all of its threads compute.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -21,14 +21,16 @@ use super::counter::Counter;
 use super::parts::{parts, trailer};
 use super::{Claim, End, Ranks, Traffic, Verdict};
 
-/// How long the thread sleeps where there is nothing to do, after so many times without anything: passes of a solver follow one another closely, chunks of form factors do not.
+/// The times for which the idle thread sleeps, after so many sleeps without work.
+///
+/// Passes of a solver follow one another closely, chunks of form factors do not.
 const NAPS: [(u32, Duration); 3] = [
     (20, Duration::from_micros(50)),
     (200, Duration::from_micros(200)),
     (u32::MAX, Duration::from_millis(2)),
 ];
 
-/// How long a rank that failed waits for the others to end as well.
+/// The time that a rank that failed waits for the others to end as well.
 const GRACE: Duration = Duration::from_secs(3);
 
 /// The subjects of messages.
@@ -39,7 +41,7 @@ const NEEDS: i32 = 4;
 const END: i32 = 5;
 const VERDICT: i32 = 6;
 
-/// A grant that is no chunk.
+/// A grant without a chunk.
 const LATER: u64 = u64::MAX - 1;
 const OVER: u64 = u64::MAX;
 
@@ -51,7 +53,7 @@ pub(super) struct World {
     host: String,
     commands: Sender<Command>,
     shared: Arc<Shared>,
-    /// The number of pieces of work so far.
+    /// The number of tasks so far.
     n_works: AtomicU64,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
@@ -68,13 +70,13 @@ enum Command {
     Abort(u8),
 }
 
-/// Chunks with their results, by pieces of work.
+/// Chunks with their results, by task.
 type Inbox = BTreeMap<u64, Vec<(u64, Vec<u8>)>>;
 
 /// The state for threads that do not call MPI.
 #[derive(Debug, Default)]
 struct Shared {
-    /// Results of chunks, by pieces of work.
+    /// Results of chunks, by task.
     inbox: Mutex<Inbox>,
     came: Condvar,
     traffic: Mutex<Traffic>,
@@ -92,7 +94,7 @@ impl World {
         let shared = Arc::new(Shared::default());
         let of_thread = Arc::clone(&shared);
         let thread = std::thread::spawn(move || {
-            // It fails where MPI is initialised already, and nobody else does that.
+            // It fails where MPI is initialised already, which happens nowhere else.
             let Some((universe, _)) = mpi::initialize_with_threading(Threading::Funneled) else {
                 return;
             };
@@ -149,7 +151,7 @@ impl Ranks for World {
 
     fn begin(&self) -> u64 {
         let number = self.n_works.fetch_add(1, Ordering::Relaxed);
-        // What came late of earlier work nobody needs.
+        // Late results of earlier work are not needed.
         locked(&self.shared.inbox).retain(|&work, _| work >= number);
         number
     }
@@ -183,14 +185,14 @@ impl Ranks for World {
         if !verdict.aborts
             && let Some(thread) = locked(&self.thread).take()
         {
-            // A thread that panicked has said so.
+            // A thread that panicked has reported it.
             let _ = thread.join();
         }
         verdict
     }
 
     fn abort(&self, code: u8) -> ! {
-        // Without the thread there is nobody left to end.
+        // Without the thread, no rank is left to end.
         let _ = self.commands.send(Command::Abort(code));
         std::thread::sleep(GRACE);
         std::process::exit(code.into())
@@ -210,16 +212,16 @@ struct Thread {
     claiming: Option<SyncSender<Claim>>,
     /// First parts of results, by ranks.
     begun: BTreeMap<Rank, Vec<u8>>,
-    /// On rank 0: what is given out.
+    /// On rank 0: the chunks that are given out.
     counters: BTreeMap<u64, Counter>,
     /// On rank 0: the ranks that have ended.
     ends: BTreeMap<usize, End>,
-    /// On rank 0: when the first one failed.
+    /// On rank 0: the time of the first failure.
     failed: Option<Instant>,
     /// The ranks that wait for the end of the program.
     ending: Option<SyncSender<Verdict>>,
     is_over: bool,
-    /// How often it slept since there was anything to do.
+    /// The number of sleeps since the last work.
     n_naps: u32,
 }
 
@@ -270,12 +272,12 @@ impl Thread {
                 self.hear(command);
             }
             Err(RecvTimeoutError::Timeout) => {}
-            // The program ends without a word: the launcher ends the others.
+            // The program ends silently: the launcher ends the others.
             Err(RecvTimeoutError::Disconnected) => std::thread::sleep(nap),
         }
     }
 
-    /// Takes in commands and messages, and answers what takes no time; tells whether there was any.
+    /// Receives commands and messages, and answers those that take no time; returns whether there was any.
     fn serve(&mut self) -> bool {
         let mut busy = false;
         while let Ok(command) = self.commands.try_recv() {
@@ -354,7 +356,7 @@ impl Thread {
         }
     }
 
-    /// Takes in a part of a result.
+    /// Receives a part of a result.
     fn take_in(&mut self, from: Rank, mut part: Vec<u8>) {
         let Some([work, chunk, more]) = trailer(&mut part) else {
             unreachable!("every part says where it belongs");
@@ -401,12 +403,12 @@ impl Thread {
         }
     }
 
-    /// On rank 0: notes how far a rank has come.
+    /// On rank 0: records the progress of a rank.
     fn note(&mut self, rank: usize, [work, chunk]: [u64; 2]) {
         self.counter(work).needs(rank, chunk);
     }
 
-    /// On rank 0: notes that a rank has ended.
+    /// On rank 0: records that a rank has ended.
     fn note_end(&mut self, rank: usize, end: End) {
         if end.failed {
             self.failed.get_or_insert_with(Instant::now);
@@ -414,7 +416,7 @@ impl Thread {
         self.ends.insert(rank, end);
     }
 
-    /// On rank 0: says how the program ends, once all ranks have ended, or some while after one failed.
+    /// On rank 0: decides the end of the program, once all ranks have ended, or some time after one failed.
     fn judge(&mut self) {
         let first_failed = self.ends.iter().find(|(_, end)| end.failed);
         let all_ended = self.ends.len() == self.size;
@@ -494,7 +496,7 @@ impl Thread {
         }
     }
 
-    /// Waits until all ranks are here, and answers others meanwhile: one that still takes chunks may not be left waiting.
+    /// Waits until all ranks are here, and answers others meanwhile: one that still claims chunks must not be left waiting.
     fn meet(&mut self) {
         let world = Rc::clone(&self.world);
         let mut request = world.immediate_barrier();
@@ -518,7 +520,7 @@ impl Thread {
             .collect()
     }
 
-    /// Returns the length that each rank gives.
+    /// Returns the length of each rank's data.
     fn lengths(&mut self, own: usize) -> Vec<Count> {
         self.meet();
         let own = Count::try_from(own).expect("MPI counts in 31 bits");

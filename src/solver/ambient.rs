@@ -1,4 +1,4 @@
-//! The ambient term: light that is still under way, as if it were spread evenly over its room.
+//! The ambient term: unshot light, as if it were spread evenly over its enclosure.
 
 use super::deflation::leave_undetermined;
 use super::scaled::Scaled;
@@ -6,11 +6,11 @@ use crate::matrix::operator::Block;
 
 /// The sums of a system that the ambient term needs, by connected component and channel.
 ///
-/// The ambient irradiance of unshot radiosities ΔB in a room is
+/// The ambient irradiance of unshot radiosities ΔB in an enclosure is
 ///
 /// Ambient = Σ A s ΔB / Σ A (1 − ρ s), s_i = Σ_j F_ij:
 ///
-/// of the power Σ A ΔB that is under way the share Σ A s ΔB arrives, and an even irradiance loses A (1 − ρ s) at every patch, absorbed or let out. In a
+/// of the unshot power Σ A ΔB the share Σ A s ΔB arrives, and an even irradiance loses A (1 − ρ s) at every patch, absorbed or let out. In a
 /// closed room s = 1, and this is R Σ A ΔB / Σ A with R = 1 / (1 − ρ_avg), ρ_avg = Σ A ρ / Σ A. Where nothing is lost there is no even irradiance, and
 /// the term is 0.
 ///
@@ -23,7 +23,9 @@ pub(super) struct Ambient<'a> {
     lost: Block,
 }
 
-/// The share Σ A (1 − ρ s) / Σ A below which it is rounding: every term is one unit in the last place off, where ρ s is near 1.
+/// The share Σ A (1 − ρ s) / Σ A below which a loss is rounding.
+///
+/// Where ρ s is near 1, every term is off by one unit in the last place.
 const LOST_FROM: f64 = f64::EPSILON;
 
 impl<'a> Ambient<'a> {
@@ -44,7 +46,7 @@ impl<'a> Ambient<'a> {
                 *sum = 0.0;
             }
         }
-        // Closed and white, to what the storage resolves: what is left there is not a loss.
+        // Closed and white, to the precision of the storage: the remainder is no loss.
         leave_undetermined(system, &mut lost);
         Self {
             scaled,
@@ -58,7 +60,7 @@ impl<'a> Ambient<'a> {
         self.labels[patch] as usize
     }
 
-    /// Returns how much power an irradiance of 1 loses in a component, 0 where none.
+    /// Returns the power that an irradiance of 1 loses in a component; 0 if it loses none.
     pub(super) fn lost(&self, room: usize, channel: usize) -> f64 {
         self.lost.row(room)[channel]
     }

@@ -20,8 +20,8 @@ use crate::setting::{Kind, Setting, Value};
 ///
 /// B_{k+1} = B_k + r_k − Σ_j γ_j (ΔB_j + Δr_j), γ = argmin ‖r_k − Σ_j γ_j Δr_j‖, ‖x‖² = Σ A x².
 ///
-/// With m as large as the number of passes that is GMRES; with a smaller m it forgets step by step instead of all at once. Needs neither
-/// reciprocity nor rows. Every pass ends with the true residual, so nothing is estimated, and no check is needed.
+/// With m as large as the number of passes that is GMRES; with a smaller m it drops old steps one by one. It needs neither
+/// reciprocity nor rows. Every pass ends with the true residual, so that there is no estimate and no check.
 ///
 /// Memory: 4 m + 6 blocks \[n, c\]: the differences, and while a step is found as many again. Work: one application of F a pass, and about 2 (m + 1)² n c operations.
 ///
@@ -30,7 +30,7 @@ use crate::setting::{Kind, Setting, Value};
 /// Departures: the norm is weighted with the areas; differences that depend on newer ones to 1e-10 are left out of γ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Anderson {
-    /// Steps that are remembered, m.
+    /// m, the number of steps kept.
     pub depth: NonZeroUsize,
 }
 
@@ -43,7 +43,7 @@ impl Default for Anderson {
     }
 }
 
-/// Steps that are remembered.
+/// The number of steps kept.
 pub static DEPTH: Setting = Setting {
     name: "depth",
     help: "Steps that are remembered",
@@ -82,7 +82,7 @@ impl Solver for Anderson {
     }
 }
 
-/// A difference of which less than this share is left without the newer ones adds only rounding.
+/// The share of a difference, beyond the newer ones, below which it adds only rounding.
 const DEPENDENT: f64 = 1e-10;
 
 struct State<'a> {
@@ -97,7 +97,7 @@ struct State<'a> {
 impl State<'_> {
     /// Returns r − Σ γ Δr and Σ γ (ΔB + Δr) as one step: r − Σ γ (ΔB + Δr).
     ///
-    /// An orthonormal basis of the Δr is made by modified Gram-Schmidt, newest first; each of its vectors carries the combination of steps that it stands for.
+    /// An orthonormal basis of the Δr is made by modified Gram-Schmidt, newest first; each of its vectors carries its combination of steps.
     fn step(&self) -> Block {
         let weights = &self.scaled.areas;
         let mut step = self.residual.clone();

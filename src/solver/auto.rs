@@ -1,4 +1,4 @@
-//! `auto`: the solver that suits a system, and why.
+//! `auto`: the choice of the fastest solver for a system, with its reason.
 
 use super::choice::ChoiceReason;
 use super::deflation::DEFLATED;
@@ -19,23 +19,23 @@ use super::stop::Tolerance;
 use super::system::RadiositySystem;
 use super::vectors::equal_channels;
 
-/// Looks at the system and takes the solver that will be fastest.
+/// Examines the system and uses the solver that will be fastest.
 ///
-/// The choice costs no pass over F, with one exception: whether the exchange areas are symmetric, the number of patches n, of channels, and of distinct reflectances, the tolerance, and
+/// The choice uses these numbers: whether the exchange areas are symmetric, the number of patches n, of channels, and of distinct reflectances, the tolerance, and
 /// from the reflectances and row sums s_i the greatest mean reflectance ρ_avg of a component that emits and bounds of the spectral radius λ of
-/// diag(ρ) F: λ ≤ max ρ_i s_i, and λ ≥ min ρ_i s_i (Collatz and Wielandt with the vector 1). Only where λ may be so near 1 that an iteration could take
+/// diag(ρ) F: λ ≤ max ρ_i s_i, and λ ≥ min ρ_i s_i (Collatz and Wielandt with the vector 1). They cost no pass over F. Only where λ may be so near 1 that an iteration could take
 /// several times as long as a factorisation, one pass over F estimates the mean of the squared eigenvalues: near 0 in a room, where they cluster and
 /// iterations are fast whatever λ is, and near 1 between plates that face each other at a small gap, where they do not.
 ///
-/// - `gauss-seidel` for one patch, and `jacobi`, which looks at E and is done, where nothing reflects, and where λ is at most 0.1: a pass takes a digit, and the others look at two residuals besides;
-/// - `direct` where n / 8 passes, n / 4 over half of a symmetric matrix (measured, see [`Direct`]), for each distinct reflectance are less than an iteration takes, for so many channels: few patches,
+/// - `gauss-seidel` for one patch, and `jacobi`, which tests E first, where nothing reflects, and where λ is at most 0.1: a pass takes a digit, and the others compute two more residuals;
+/// - `direct` where n / 8 passes, n / 4 over half of a symmetric matrix (measured, see [`Direct`]), for each distinct reflectance take less time than an iteration, for so many channels: few patches,
 ///   many lightings, or eigenvalues that do not cluster;
-/// - `pcg` where the exchange areas are symmetric: the fewest passes at every ρ, and symmetric storage halves each.
-/// - else `gmres`.
+/// - `pcg` where the exchange areas are symmetric: the fewest passes at every ρ, and symmetric storage halves each;
+/// - `gmres` otherwise.
 ///
-/// `gauss-seidel` is never taken for more than one patch: a sweep takes longer than a pass, most where the matrix is sparse, and does not gain by further cores.
-/// `multigrid` is never taken, even where there is a hierarchy: in the room of Lewis its setup, 4 cycles and a check are 7.1 passes for the 8 to 10 of `gmres`, but the sweeps among
-/// them run on one core, while all of those run on every core, and which is faster must not depend on how many there are. `chebyshev` takes more passes than conjugate gradients wherever these can be used.
+/// `gauss-seidel` is never chosen for more than one patch: a sweep takes longer than a pass, most where the matrix is sparse, and does not gain by further cores.
+/// `multigrid` is never chosen, even where there is a hierarchy: in the room of Lewis its setup, 4 cycles and a check are 7.1 passes for the 8 to 10 of `gmres`. But its sweeps
+/// run on one core and all of those passes on every core, and the choice must not depend on the number of cores. `chebyshev` takes more passes than conjugate gradients wherever these can be used.
 ///
 /// The choice and its reason are in [`Solution::choice`]. How far it is from the best: `radiosity reproduce stability` prints the ratios of work and time, case by case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -48,7 +48,7 @@ pub struct Auto {
     pub direct: Direct,
 }
 
-/// Multiplications of a factorisation that take the time of one in a pass: measured, see [`Direct`].
+/// The multiplications of a factorisation that take the time of one in a pass: measured, see [`Direct`].
 const LU_RATIO: f64 = 8.0;
 
 /// The same where exchange areas are stored: a pass reads half as much.
@@ -57,7 +57,7 @@ const LU_RATIO_SYMMETRIC: f64 = 4.0;
 /// The spectral radius up to which plain reflections are as fast as anything.
 const FADES_FAST: f64 = 0.1;
 
-/// Passes that Krylov methods with deflation take for each decimal digit, beside the checks before and after.
+/// Passes of Krylov methods with deflation for each decimal digit, beside the checks before and after.
 const PASSES_PER_DIGIT: f64 = 1.5;
 
 pub(super) const ENTRY: SolverEntry = SolverEntry {
@@ -111,7 +111,7 @@ impl Auto {
         }
         let digits = match options.tolerance {
             Tolerance::ResidualL2(value) => -value.log10(),
-            // What an absolute tolerance amounts to is not known before the first residual: the default's six digits.
+            // The first residual decides how many digits an absolute tolerance needs; until then, the default's six digits.
             Tolerance::ResidualMaxPower(_) | Tolerance::ResidualMax(_) => 6.0,
         };
         if let Some(why) = self.direct_pays(system, digits, high) {
@@ -172,12 +172,12 @@ impl Auto {
     }
 }
 
-/// The mean square below which eigenvalues cluster near 0: rooms have some 2 / n.
+/// The mean square below which eigenvalues cluster near 0; rooms have some 2 / n.
 const CLUSTERED_BELOW: f64 = 0.2;
 
 /// Returns an estimate of Σ λ² / n over the eigenvalues λ of diag(ρ) F, the worst channel, with one pass over F.
 ///
-/// S = A^½ ρ^½ F ρ^½ A^−½ has the same eigenvalues, and E ‖S z‖² = Σ λ² for random signs z where it is symmetric (Hutchinson 1990); else it is an upper bound.
+/// S = A^½ ρ^½ F ρ^½ A^−½ has the same eigenvalues, and E ‖S z‖² = Σ λ² for random signs z where it is symmetric (Hutchinson 1990); otherwise it is an upper bound.
 /// Standard error: at most sqrt(2 / n). The signs are those of a fixed sequence.
 fn mean_squared_eigenvalue(system: &RadiositySystem) -> f64 {
     let mut probe = system.reflectance().clone();

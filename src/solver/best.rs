@@ -1,11 +1,11 @@
-//! The best radiosities that an iteration has had, channel by channel.
+//! The best radiosities of an iteration so far, channel by channel.
 
 use super::scaled::{Scaled, TrueResidual};
 use super::stop::Tolerance;
 use super::vectors::copy_channel;
 use crate::matrix::operator::Block;
 
-/// The radiosities of each channel at its least excess over the tolerance. Channels are kept apart, so that none depends on another.
+/// The radiosities of each channel at its least excess over the tolerance; the channels are independent.
 pub(super) struct Best {
     excess: Vec<f64>,
     radiosity: Option<Block>,
@@ -19,7 +19,7 @@ impl Best {
         }
     }
 
-    /// Takes in the state after a pass.
+    /// Stores the radiosities of a pass where they are the best.
     pub(super) fn observe(&mut self, excess: &[f64], radiosity: impl FnOnce() -> Block) {
         let better: Vec<usize> = (0..excess.len()).filter(|&c| excess[c] < self.excess[c]).collect();
         if better.is_empty() {
@@ -35,7 +35,7 @@ impl Best {
         }
     }
 
-    /// Returns in each channel the better of what was kept and the last radiosities, by their true residuals, and the number of passes over F that took.
+    /// Returns in each channel the better of the stored and the last radiosities, by their true residuals, and the passes over F that this took.
     pub(super) fn or_last(
         self,
         scaled: &Scaled,

@@ -1,4 +1,4 @@
-//! The error of a solution, carried from the form factors' own.
+//! The error of a solution by the errors of the form factors.
 
 use super::error::SolverError;
 use super::registry;
@@ -11,10 +11,10 @@ use super::vectors::relative_errors_of;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::matrix::{FormFactors, Precision, RowBlock};
 
-/// An error estimate is wanted to this, relative.
+/// The relative residual to which the error estimate is solved.
 const TOLERANCE: f64 = 1e-3;
 
-/// Passes after which there is no estimate.
+/// The number of passes after which there is no estimate.
 const MAX_PASSES: usize = 1000;
 
 /// The rounding of f64, relative.
@@ -23,26 +23,28 @@ const F64_ROUNDING: f64 = 0.5 * f64::EPSILON;
 /// The rounding of f32, relative: 2⁻²⁴.
 const F32_ROUNDING: f64 = 0.5 * f32::EPSILON as f64;
 
-/// Up to where the first order says how great an error is. True errors are seldom above twice what is estimated, and up to a half twice that is still below 1, where the series of all orders
-/// converges; from a half on, besides, the bound that it gives would be as great as the light itself.
+/// The error, as a share of the light, up to which the first order is a good estimate.
+///
+/// True errors are seldom above twice the estimate, and up to a half twice that is still below 1, where the series of all orders
+/// converges; from a half on, the bound by that series would also be as great as the light itself.
 const FIRST_ORDER_UP_TO: f64 = 0.5;
 
 /// Estimates the error of every patch's radiosity that comes from the form factors and from the solver, in W·m⁻².
 ///
 /// e = (I − ρF)⁻¹ (ρ (h + u H) + |r|), h_i² = Σ_j (s_ij B_j)², with s_ij the error of F_ij that its method states, u the rounding of stored form factors (2⁻²⁴ in f32), and r = E − B + ρ H the
-/// residual: to first order (I − ρF) δB = ρ δF B + r. Entries of a row count as independent but for their rounding, which may be to one side in all of them (equal patches round alike), rows as if
+/// residual: to first order (I − ρF) δB = ρ δF B + r. Entries of a row count as independent but for their rounding, which may be to one side in all of them (equal patches round alike); rows count as if
 /// they all erred to one side.
-/// Where no ray of patch i hit patch j, but rays of j hit i, s is the noise of a count of what they tell, A_j F_ji / A_i: a small lamp that no ray finds is no certain darkness. Pairs where no ray of
-/// either hit the other count together as one more entry of the row, off by [`open_error`](FormFactors::open_error), of a patch as bright as all are in the mean (root mean square by area).
+/// Where no ray of patch i hit patch j, but rays of j hit i, s is the noise of a count at their value, A_j F_ji / A_i: a small lamp that no ray finds is not certainly invisible. Pairs where no ray of
+/// either hit the other count together as one more entry of the row, off by [`open_error`](FormFactors::open_error), of a patch of the mean brightness (root mean square by area).
 /// For methods whose s is a standard error, e is
-/// hardly below the standard error of B; for those that state a bound or an estimate of the error it is one as far as errors of a row are not all of one sign.
+/// hardly below the standard error of B; for methods that state a bound or an estimate of the error, e is one as far as errors of a row are not all of one sign.
 /// In `room-box` with 108 patches and 1000 random rays from each, the stated error is 2.2 times the root mean square of the true one over 24 runs for the patch where it is
 /// least, and 3.8 times on average; with `exact` no true error was above the stated one (`tests/library/solver/stated_error.rs`).
 ///
 /// e is then divided by 1 − q, the sum of all orders: but for the residual's part e is T B with T = (I − ρF)⁻¹ ρ (h + u F), the next order is T e, and q² = Σ A (T e)² / Σ A e² in each channel of each set of
-/// patches that exchange light. Where e is below 1e-3 of the reflected light of a solution that has converged, that share is taken for q. From q = 0.5 on e is infinite:
-/// then nothing is known, as form factors are not exact enough for reflectances so near 1.
-/// The error of the mesh (one radiosity for a whole patch) is no part of it. Infinite, too, where the system for e has not been solved.
+/// patches that exchange light. Where e is below 1e-3 of the reflected light of a solution that has converged, that share is used for q. From q = 0.5 on e is infinite:
+/// form factors are then not exact enough for reflectances so near 1. It is also infinite where the system for e has not been solved.
+/// The error of the mesh (one radiosity for a whole patch) is not included.
 /// Shapes: \[n, c\]. Work: one pass over the form factors and one solve, or two of each.
 /// Departures: none.
 ///
@@ -61,7 +63,7 @@ pub fn carried_error(
     carried_error_with(factors, (reflectance, exitance), None, solution)
 }
 
-/// Does what [`carried_error`] does for an exitance that has an error of its own, W·m⁻², \[n, c\].
+/// Does the work of [`carried_error`] for an exitance that has an error of its own, W·m⁻², \[n, c\].
 #[track_caller]
 pub(crate) fn carried_error_with(
     factors: &FormFactors,
@@ -95,7 +97,9 @@ pub(crate) fn carried_error_with(
     })
 }
 
-/// Returns all orders of the error that the sources of `system` cause. `reflected` is ρ H of the converged light, or `None` for light that is not all there, which says nothing of how orders fall; `next` returns the sources that an error causes.
+/// Returns all orders of the error that the sources of `system` cause.
+///
+/// `reflected` is ρ H of the converged light, or `None` for incomplete light, which does not show how orders fall; `next` returns the sources that an error causes.
 pub(crate) fn carried(
     system: &RadiositySystem,
     reflected: Option<&Block>,
@@ -123,7 +127,7 @@ fn sent_wrongly(factors: &FormFactors, reflectance: &Block, radiosity: &Block, i
     sent
 }
 
-/// Returns h + u |H|, what the errors of form factors and their rounding make wrong of the irradiance H = F B.
+/// Returns h + u |H|, the error of the irradiance H = F B by the errors of form factors and their rounding.
 ///
 /// `references`: c_i of rows whose errors cancel, Σ_j δF_ij = 0, as their sum is known: h_i² = Σ_j (s_ij (B_j − c_i))² for any c_i, \[n, c\]; `None` for 0 in all rows.
 pub(crate) fn irradiance_error(
@@ -135,12 +139,12 @@ pub(crate) fn irradiance_error(
     let n_channels = radiosity.n_channels();
     let zeros = vec![0.0; n_channels];
     let reference = |i: usize| references.map_or(&zeros[..], |references| references.row(i));
-    // So that no square leaves the range of numbers, whatever the unit of light.
+    // In such units every square is in range, whatever the unit of light.
     let mut greatest = vec![f64::MIN_POSITIVE; n_channels];
     for (k, b) in radiosity.values().iter().enumerate() {
         greatest[k % n_channels] = greatest[k % n_channels].max(b.abs());
     }
-    // Of the light of a patch as bright as all are in the mean.
+    // The light of a patch of the mean brightness.
     let all_area: f64 = factors.areas().iter().sum();
     let mean_square = |c: usize| -> f64 {
         let of_patch = |(i, area): (usize, &f64)| area / all_area * (radiosity.row(i)[c] / greatest[c]).powi(2);
@@ -173,7 +177,7 @@ pub(crate) fn irradiance_error(
     Block::from_values(factors.gathered(of_blocks.concat()), n_channels)
 }
 
-/// Returns the light that the sources of a system make of it, which is not negative; infinite where it cannot be solved.
+/// Returns the solution of a system with nonnegative sources, clamped to at least 0; infinite where it cannot be solved.
 fn solved(system: &RadiositySystem) -> Result<Block, SolverError> {
     let options = SolveOptions {
         tolerance: Tolerance::ResidualL2(TOLERANCE),
@@ -183,15 +187,15 @@ fn solved(system: &RadiositySystem) -> Result<Block, SolverError> {
     let solver = registry::solver("auto", &SolverSettings::default())?;
     let solution = solver.solve(system, &options, &mut |_| std::ops::ControlFlow::Continue(()))?;
     let is_solved = solution.stop_reason == StopReason::Converged;
-    // Rounding may leave a zero below it.
+    // Rounding may leave a zero below 0.
     let known = |e: &f64| if is_solved { e.max(0.0) } else { f64::INFINITY };
     let values = solution.radiosity.values().iter().map(known).collect();
     Ok(Block::from_values(values, solution.radiosity.n_channels()))
 }
 
-/// Returns q, the share that the next order of an error has of it, for each set of patches that exchange light, \[sets, c\].
+/// Returns q, the ratio of the next order of an error to the error, for each set of patches that exchange light, \[sets, c\].
 ///
-/// Where the error is at most [`NEGLIGIBLE`] of the reflected light throughout, that share is taken for q: it is no less, as T of all light is the error.
+/// Where the error is at most [`NEGLIGIBLE`] of the reflected light throughout, that share is used for q: it is at least q, as T of all light is the error.
 fn shares_of_next_order(
     system: &RadiositySystem,
     error: &Block,
@@ -222,7 +226,7 @@ fn shares_of_next_order(
     Ok(shares(&solved(&of_error)?, error))
 }
 
-/// Up to here the share of an error in the reflected light says enough of its next order.
+/// The share of an error in the reflected light up to which it is an estimate of the next order's share.
 const NEGLIGIBLE: f64 = 1e-3;
 
 /// Calls `visit(i, j, s_ij)` for the errors of all entries in some rows.
@@ -243,7 +247,7 @@ fn for_each_error(factors: &FormFactors, block: &RowBlock<'_>, mut visit: impl F
     });
 }
 
-/// Returns the sum of all orders of an error where that of the first is `e`, and `share` of all light.
+/// Returns the sum of all orders of an error whose first order is `e`, and `share` of all light.
 fn all_orders(e: f64, share: f64) -> f64 {
     if share < FIRST_ORDER_UP_TO {
         e / (1.0 - share)

@@ -18,13 +18,12 @@ use crate::matrix::operator::Block;
 /// Conjugate gradients on the system made symmetric by its rows' factors V = A / ρ, all channels together.
 ///
 /// V G B = V E with V G = diag(A / ρ) − A F, which is symmetric where A_i F_ij is, and positive definite where ρ_i Σ_j F_ij < 1; a direction with
-/// ⟨D, V G D⟩ ≤ 0 shows that it is not, and the solver stops as [`StopReason::Diverged`](super::StopReason::Diverged). Patches that reflect less than 2⁻⁵² of what
-/// the brightest does have no usable V; they are left at B = E, from which the light that they reflect makes no difference in f64.
+/// ⟨D, V G D⟩ ≤ 0 shows that it is not, and the solver stops as [`StopReason::Diverged`](super::StopReason::Diverged). Patches that reflect less than 2⁻⁵² as much as
+/// the brightest does have no usable V; they keep B = E, from which the light that they reflect makes no difference in f64.
 ///
 /// One application of F a pass; each channel has its own scalars and rests as soon as it meets the tolerance. The recurrence's residual, with V undone, is the
-/// estimate in the history; the true residual is looked at when it meets the tolerance, as in [`Pcg`](super::Pcg). Without a
-/// preconditioner the spread of A / ρ sets the pace: dark and small patches cost passes, and where areas or reflectances span many orders of magnitude
-/// `pcg` is the one to take.
+/// estimate in the history; the true residual is computed when it meets the tolerance, as in [`Pcg`](super::Pcg). Without a
+/// preconditioner the spread of A / ρ sets the pace: dark and small patches cost passes, and `pcg` is better where areas or reflectances span many orders of magnitude.
 ///
 /// Memory: 5 vectors. Source: Baranoski, Bramley and Shirley 1995, section 3.2.
 /// Departures: V = A / ρ as in section 2.2 (section 3.2 names its inverse); line 3 is V E − V G B; φ, W and temp start from zero; the stop test undoes V;

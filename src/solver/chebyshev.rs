@@ -21,18 +21,22 @@ use super::{error_bound, lanczos};
 use crate::matrix::operator::Block;
 use crate::setting::{Kind, Setting, Value};
 
-/// Where the interval \[μ, ν\] for the eigenvalues of G = I − diag(ρ) F comes from, channel by channel.
+/// The source of the interval \[μ, ν\] for the eigenvalues of G = I − diag(ρ) F, channel by channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SpectrumBounds {
-    /// 1 ± λ with λ ≥ max |eigenvalue of diag(ρ) F|: max_i (ρ F v)_i / v_i for a vector v > 0 (Collatz and Wielandt). v = 1 gives ρ_max times the greatest row sum and costs
-    /// nothing; only where that is 1 or more, v ← 1 + diag(ρ) F v follows, one pass each. It holds for every F ≥ 0. Where that proves
-    /// nothing below 1, λ = 1 is taken, which is no bound where row sums are above 1.
+    /// 1 ± λ with a proved bound λ ≥ max |eigenvalue of diag(ρ) F|: max_i (ρ F v)_i / v_i for a vector v > 0 (Collatz and Wielandt).
+    ///
+    /// v = 1 gives ρ_max times the greatest row sum without a pass; only where that is 1 or more, v ← 1 + diag(ρ) F v follows, one pass each. It holds for every F ≥ 0. Where no
+    /// bound below 1 is proved, λ = 1 is used, which is no bound where row sums are above 1.
     #[default]
     Safe,
-    /// 1 ± ρ_avg, ρ_avg = Σ A ρ s / Σ A (the greatest of the connected components), as in the paper. Not a bound: eigenvalues outside it slow the method down, and can make
-    /// it diverge where they are not in (0, 2).
+    /// 1 ± ρ_avg, ρ_avg = Σ A ρ s / Σ A (the greatest of the connected components), as in the paper.
+    ///
+    /// It is no bound: eigenvalues outside it slow the method down, and can make it diverge where they are not in (0, 2).
     Average,
-    /// \[1 − θ_max, 1 − θ_min\] from so many Lanczos steps, one pass each, with the residuals of the Ritz values θ added; never wider than `Safe`. Needs symmetric exchange areas.
+    /// \[1 − θ_max, 1 − θ_min\] from so many Lanczos steps, one pass each, with the residuals of the Ritz values θ added.
+    ///
+    /// It is never wider than `Safe`, and needs symmetric exchange areas.
     Lanczos(NonZeroUsize),
 }
 
@@ -40,7 +44,7 @@ impl SpectrumBounds {
     /// [`Lanczos`](Self::Lanczos) with ten steps.
     pub const TEN_LANCZOS_STEPS: Self = Self::Lanczos(NonZeroUsize::MIN.saturating_add(9));
 
-    /// The names, each with what it stands for.
+    /// The names, each with its description.
     pub const NAMES: &[(&str, &str)] = &[
         ("safe", "A bound that holds, from reflectances and row sums"),
         ("average", "1 ± the mean reflectance, as in the paper: no bound"),
@@ -68,22 +72,22 @@ impl SpectrumBounds {
 ///
 /// The residual of pass k is a polynomial of degree k in G times the first one, the smallest in maximum on \[μ, ν\]: it falls by about
 /// σ / (γ + sqrt(γ² − σ²)) a pass. No inner products and no rows; reciprocity is needed for [`SpectrumBounds::Lanczos`] alone. For the real spectra of reciprocal form factors any
-/// interval inside (0, 2) converges if the spectrum is in (0, 2) too; noise makes spectra complex, and row sums above 1 push eigenvalues out: it then diverges and
-/// says so. μ is kept at 2⁻¹⁰ or more.
+/// interval inside (0, 2) converges if the spectrum is in (0, 2) too. Noise makes spectra complex, and row sums above 1 push eigenvalues out: it then diverges and
+/// reports so. μ is at least 2⁻¹⁰.
 ///
 /// Memory: 4 vectors. Work: one application of F a pass, one before the first, and those of the bounds, which count with the first pass.
 /// Source: Baranoski, Bramley and Shirley 1995, section 3.3, equations (18) to (24).
 /// Departures: line 17 takes the residual of B^(j+1) (printed B^(j)); line 8 divides by γ (printed: multiplies); D^(0) = r / γ; the default interval is one that holds.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Chebyshev {
-    /// Where the interval comes from.
+    /// The source of the interval.
     pub bounds: SpectrumBounds,
 }
 
-/// The least μ: with a smaller one passes are spent on eigenvalues that need not exist.
+/// The least μ: with a smaller one, passes are spent on eigenvalues that need not exist.
 const MIN_LOW: f64 = 1.0 / 1024.0;
 
-/// Where the interval of the eigenvalues comes from: a [`SpectrumBounds`].
+/// The source of the interval of the eigenvalues: a [`SpectrumBounds`].
 pub static BOUNDS: Setting = Setting {
     name: "bounds",
     help: "Where the interval of the eigenvalues comes from",
@@ -152,7 +156,7 @@ impl Interval {
 }
 
 impl Chebyshev {
-    /// Returns an interval for each channel, and the passes that they took.
+    /// Returns an interval for each channel, and the passes spent on them.
     fn intervals(&self, scaled: &Scaled) -> Result<(Vec<Interval>, usize), SolverError> {
         let around = |radius: &f64| Interval::new(1.0 - radius, 1.0 + radius);
         if self.bounds == SpectrumBounds::Average {
@@ -186,7 +190,7 @@ struct State<'a> {
     /// D.
     step: Block,
     intervals: Vec<Interval>,
-    /// ω of each channel, once there is one.
+    /// ω of each channel; `None` before the first step.
     omega: Option<Vec<f64>>,
     setup: Setup,
 }

@@ -15,7 +15,7 @@ pub struct Choice {
     pub why: ChoiceReason,
 }
 
-/// Why [`Auto`](super::Auto) took a solver: one sentence, as text and as JSON.
+/// Why [`Auto`](super::Auto) chose a solver: one sentence, as text and as JSON.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ChoiceReason {
     /// A sweep of `gauss-seidel` solves one equation.

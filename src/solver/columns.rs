@@ -18,7 +18,7 @@ pub(super) enum Columns<'a> {
 }
 
 impl<'a> Columns<'a> {
-    /// Returns the columns of a system's form factors; `solver` asks.
+    /// Returns the columns of a system's form factors for the solver of this name.
     pub(super) fn new(system: &RadiositySystem<'a>, solver: &'static str) -> Result<Self, SolverError> {
         let operator: &'a dyn LinearOperator = system.operator();
         let Some(rows) = operator.rows() else {

@@ -19,7 +19,7 @@ pub enum Deflate {
     Never,
 }
 
-/// Whether the even light of each room is taken out of a Krylov method's way: a [`Deflate`].
+/// Whether the even light of each component is deflated in a Krylov method: a [`Deflate`].
 pub static DEFLATION: Setting = Setting {
     name: "deflation",
     help: "Whether the even radiosity of each enclosure is deflated",
@@ -31,7 +31,7 @@ pub static DEFLATION: Setting = Setting {
 pub(super) const DEFLATED: Use = DEFLATION.or(Value::Choice("auto"));
 
 impl Deflate {
-    /// The names, each with what it stands for.
+    /// The names, each with its description.
     pub const NAMES: &[(&str, &str)] = &[
         ("auto", "Where the mean reflectance is high enough to save time"),
         ("always", "Always"),
@@ -52,7 +52,7 @@ impl Deflate {
 pub const DEFLATED_FROM: f64 = 0.4;
 
 impl Deflate {
-    /// Decides for each channel of a system: by itself, so that channels do not influence each other.
+    /// Decides for each channel of a system alone, so that channels do not influence each other.
     fn channels(self, system: &RadiositySystem) -> Vec<bool> {
         match self {
             Self::Auto => {
@@ -67,13 +67,13 @@ impl Deflate {
 
 /// The images of even irradiances on all components.
 pub(super) struct Sent {
-    /// F ρ, \[n, c\]; 0 in the channels that are left alone.
+    /// F ρ, \[n, c\]; 0 in channels without deflation.
     irradiance: Block,
     /// Whether a channel is deflated.
     channels: Vec<bool>,
 }
 
-/// Calculates the residual of `radiosity`, and what deflation needs in the same pass over F, if any channel is to be deflated.
+/// Computes the residual of `radiosity`, and the images for deflation in the same pass over F, if any channel is deflated.
 pub(super) fn first_pass(scaled: &Scaled, radiosity: &Block, deflate: Deflate) -> (TrueResidual, Option<Sent>) {
     let channels = deflate.channels(scaled.system);
     if !channels.contains(&true) {
@@ -167,16 +167,20 @@ impl ByComponent {
 }
 
 /// The vectors z_K = ρ^½ on component K, 0 elsewhere (an even irradiance on K), with K z_K of the symmetric matrix
-/// K = I − diag(ρ)^½ F diag(ρ)^½. Light does not pass between components, so that ⟨z_K, K z_L⟩ = 0 for K ≠ L.
+/// K = I − diag(ρ)^½ F diag(ρ)^½.
+///
+/// Light does not pass between components, so that ⟨z_K, K z_L⟩ = 0 for K ≠ L.
 pub(super) struct Deflation {
     by_component: ByComponent,
     z: Block,
     kz: Block,
-    /// 1 / ⟨z_K, K z_K⟩, \[components, c\]; 0 where the component is left alone.
+    /// 1 / ⟨z_K, K z_K⟩, \[components, c\]; 0 for a component without deflation.
     factors: Block,
 }
 
-/// ⟨z, K z⟩ below this fraction of ⟨z, z⟩ is rounding, or negative: a white, closed component with undetermined even light, or a K that is not positive definite.
+/// The fraction of ⟨z, z⟩ below which ⟨z, K z⟩ is rounding, or negative.
+///
+/// Then the component is white and closed with undetermined even light, or K is not positive definite.
 const RESOLVED_FROM: f64 = 1e-14;
 
 impl Deflation {
@@ -203,7 +207,9 @@ impl Deflation {
         }
     }
 
-    /// Moves the even part of the residual into x in the channels that `need` it: x ← x + Z μ, r ← r − K Z μ, ⟨z_K, r⟩ = 0.
+    /// Moves the even part of the residual into x in the channels that `need` it: x ← x + Z μ, r ← r − K Z μ.
+    ///
+    /// Then ⟨z_K, r⟩ = 0.
     pub(super) fn solve(&self, x: &mut Block, residual: &mut Block, need: impl Fn(usize) -> bool) {
         let mut amounts = self.amounts(&self.z, residual);
         keep_channels(&mut amounts, need);
@@ -211,7 +217,7 @@ impl Deflation {
         self.by_component.add(residual, &self.kz, &amounts, -1.0);
     }
 
-    /// Makes a direction conjugate to the vectors: p ← p − Σ z_K ⟨K z_K, u⟩ / ⟨z_K, K z_K⟩, u the part of p that is not yet.
+    /// Makes a direction conjugate to the vectors: p ← p − Σ z_K ⟨K z_K, u⟩ / ⟨z_K, K z_K⟩, u the part of p that is not conjugate yet.
     pub(super) fn project(&self, direction: &mut Block, of: &Block) {
         let amounts = self.amounts(&self.kz, of);
         self.by_component.add(direction, &self.z, &amounts, -1.0);
@@ -225,9 +231,9 @@ impl Deflation {
     }
 }
 
-/// The vectors u_K = ρ on component K, 0 elsewhere (an even irradiance on K), and G u_K with G = I − diag(ρ) F, in units in which ‖G u_K‖ = 1.
+/// The vectors u_K = ρ on component K, 0 elsewhere (an even irradiance on K), and G u_K with G = I − diag(ρ) F.
 ///
-/// Components share no patch, so that the images are orthonormal.
+/// They are in units in which ‖G u_K‖ = 1. Components share no patch, so that the images are orthonormal.
 pub(super) struct EvenLight {
     by_component: ByComponent,
     u: Block,
@@ -281,7 +287,7 @@ impl EvenLight {
     }
 }
 
-/// Sets the factors, \[components, c\], of components to 0 whose even light nothing determines.
+/// Sets the factors, \[components, c\], of components with undetermined even light to 0.
 pub(super) fn leave_undetermined(system: &RadiositySystem, factors: &mut Block) {
     for c in 0..factors.n_channels() {
         for component in system.singular_components(c) {

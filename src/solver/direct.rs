@@ -18,13 +18,13 @@ use crate::matrix::operator::{Block, RowAccess};
 
 /// LU factorisation of I − diag(ρ) F with partial pivoting in f64, and iterative refinement.
 ///
-/// P G = L U, G = I − diag(ρ) F; a pass is B ← B + G⁻¹ r, r = E − G B from F itself. One pass reaches rounding, about 1e-16 n^½ / (1 − ρ) of B; a second is only
-/// spent where the tolerance asks for more. Channels of equal reflectance share one factorisation, and all of them are solved together: the
+/// P G = L U, G = I − diag(ρ) F; a pass is B ← B + G⁻¹ r, r = E − G B from F itself. One pass reaches rounding, about 1e-16 n^½ / (1 − ρ) of B; a second follows
+/// only for a tighter tolerance. Channels of equal reflectance share one factorisation, and all of them are solved together: this is the
 /// solver for many lightings of one scene, and the oracle for the others. In a component without a unique solution
 /// (see [`RadiositySystem::with_signed_exitance`]) the equation that the mean is zero is added to each of its rows.
 ///
 /// Needs rows, not reciprocity. Memory: 8 n² bytes for each distinct reflectance, refused above [`memory_limit_byte`](Self::memory_limit_byte).
-/// Work: n / 3 passes' worth of multiplications for each factorisation, about n / 8 in time since they run in the cache, or n / 4 of passes over half of a symmetric matrix, and 2 passes for
+/// Work: n / 3 passes' worth of multiplications for each factorisation, about n / 8 in time since they run in the cache, or n / 4 of passes over half of a symmetric matrix; and 2 passes for
 /// each solve.
 /// The sums are divided in the same way at any number of threads.
 ///
@@ -93,12 +93,12 @@ impl Solver for Direct {
     }
 }
 
-/// Returns the memory of so many factorisations, with the residuals that they are applied to left out.
+/// Returns the memory of so many factorisations, without that of their residuals.
 pub(super) fn memory_byte(n_patches: usize, n_factorisations: usize) -> u64 {
     8 * (n_patches as u64).pow(2) * n_factorisations as u64
 }
 
-/// Patches below which one thread does it all: what the blocks of so small a matrix share out is soon done.
+/// The number of patches below which one thread does all: blocks of so small a matrix are soon done.
 const SMALL: usize = 256;
 
 /// Returns the parts into which the sums for n patches are divided, whatever the number of threads: equal parts give equal bytes.
@@ -121,7 +121,7 @@ struct State<'a> {
     work: f64,
 }
 
-/// Returns G of one channel, factored; where nothing determines the mean of a component, with the equation that it is zero added.
+/// Returns G of one channel, factored; where the mean of a component is undetermined, with the equation added that it is zero.
 fn factored(scaled: &Scaled, rows: &dyn RowAccess, channel: usize) -> Lu {
     let system = scaled.system;
     let n = system.n_patches();

@@ -1,4 +1,4 @@
-//! Where the light of a solution goes.
+//! The power balance of a solution.
 
 use serde::{Deserialize, Serialize};
 

@@ -4,7 +4,7 @@ use super::settings::SolverSettings;
 use super::solve::Solver;
 use crate::setting::Use;
 
-/// A solver as the registry knows it; the solver's own file fills it in.
+/// A solver in the registry; the solver's own file fills it in.
 #[derive(Debug)]
 pub struct SolverEntry {
     /// The name on the command line.
@@ -17,7 +17,7 @@ pub struct SolverEntry {
     pub symmetry: fn(&SolverSettings) -> Symmetry,
     /// Whether it uses [`SolverSettings::hierarchy`].
     pub uses_hierarchy: bool,
-    /// Whether it goes through the rows of F one after the other, so that each rank needs all of them.
+    /// Whether it reads the rows of F one after the other, so that each rank needs all of them.
     pub goes_by_rows: bool,
     /// Makes the solver from settings with the defaults put in.
     pub make: fn(&SolverSettings) -> Option<Box<dyn Solver>>,

@@ -50,7 +50,7 @@ pub enum SolverError {
         /// Its E, W·m⁻².
         exitance: f64,
     },
-    /// Light that may leave the range of numbers.
+    /// Exitance for which the light of all patches may leave the range of numbers.
     #[error(
         "patch {patch} has the exitance {exitance:e} W/m2 in channel {channel}; above {limit:e} the light of all patches may leave the range of numbers"
     )]
@@ -91,7 +91,7 @@ pub enum SolverError {
         /// The solver's name.
         solver: &'static str,
     },
-    /// The solver needs more memory than it may take.
+    /// The solver needs more memory than its limit.
     #[error(
         "{solver} needs {needed_byte} bytes, above the limit of {limit_byte}: raise the limit, or take another solver"
     )]
@@ -103,7 +103,7 @@ pub enum SolverError {
         /// The limit.
         limit_byte: u64,
     },
-    /// A name that no solver has.
+    /// No solver of this name.
     #[error("there is no solver `{name}`; known are {known}")]
     UnknownSolver {
         /// The name.
@@ -111,13 +111,13 @@ pub enum SolverError {
         /// The names there are.
         known: String,
     },
-    /// A relaxation factor outside of (0, 2).
+    /// A relaxation factor outside (0, 2).
     #[error("the relaxation factor {value} is not between 0 and 2")]
     Omega {
         /// The factor.
         value: f64,
     },
-    /// A setting that the solver has no use for.
+    /// A setting that the solver does not use.
     #[error("{}", unused(.parameter.name(), .solver, .used_by))]
     UnusedSetting {
         /// The setting.

@@ -1,13 +1,13 @@
-//! How far radiosities can be from the solution, given their residual.
+//! A bound of the distance of radiosities from the solution, by their residual.
 
 use super::scaled::{Scaled, TrueResidual, l2};
 use crate::matrix::operator::Block;
 use crate::matrix::roundings;
 
-/// Passes over F that may be spent on finding a vector that proves a bound.
+/// The most passes over F that are spent on a vector that proves a bound.
 const MAX_PASSES: usize = 16;
 
-/// Returns for each channel a bound of ‖B − B*‖ / ‖B*‖ in the norm sqrt(Σ A x²), or `None` if none can be proved.
+/// Returns for each channel a bound of ‖B − B*‖ / ‖B*‖ in the norm sqrt(Σ A x²); `None` if none can be proved.
 ///
 /// Let G = I − diag(ρ) F with F ≥ 0, r = E − G B, and v > 0 any vector with G v > 0. Then G⁻¹ ≥ 0 (G is an M-matrix) and,
 /// because |r| ≤ m G v with m = max_j |r_j| / (G v)_j,
@@ -21,9 +21,10 @@ const MAX_PASSES: usize = 16;
 /// ‖B − B*‖ ≤ ‖r‖ (1 + ρ_max s / (1 − λ)).
 ///
 /// The smaller of the two counts. v = 1 costs nothing, as row sums are known: λ = max_i ρ_i s_i. Where that proves nothing,
-/// because some patch reflects everything, v ← 1 + diag(ρ) F v looks one reflection further, one pass over F each.
+/// because some patch reflects everything, v ← 1 + diag(ρ) F v adds one more reflection, one pass over F each.
 /// Their rounding errors are added to |r| and taken from G v, (max(16 n^½, n / 8) + 70) 2⁻⁵³ times |E| + |B| + ρ F |B| and v + ρ F v (see the operator of
-/// [`FormFactors`](crate::matrix::FormFactors)), so that the bound also holds where 1 − ρ is near rounding. Where B has both signs, F |B| is taken as the row sum times the greatest |B|. Accuracy: rigorous but for form factors that are negative. It bounds
+/// [`FormFactors`](crate::matrix::FormFactors)), so that the bound also holds where 1 − ρ is near rounding. Where B has both signs, F |B| is taken as the row sum times the greatest |B|.
+/// Accuracy: rigorous but for negative form factors. It bounds
 /// the error of solving, not that of the form factors.
 /// Source: Berman and Plemmons, "Nonnegative Matrices in the Mathematical Sciences", chapter 6, theorem 2.3, for the M-matrix.
 /// Departures: none.
@@ -45,10 +46,10 @@ pub(super) fn relative(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual)
     let (norm_r, norm_b) = (l2(&scaled.areas, &residual), l2(&scaled.areas, radiosity));
     let norm_v = l2(&scaled.areas, &proof.v);
     for c in lit {
-        // 1 − λ itself: what is left of it after it was taken from 1 may be rounding.
+        // 1 − λ itself: after it was subtracted from 1, the rest may be rounding.
         let (mut m, mut gap, mut rho_max) = (0.0_f64, 1.0_f64, 0.0_f64);
         for i in 0..system.n_patches() {
-            // 0 by 0, where no light gets to, counts for nothing.
+            // 0 by 0, where no light arrives, does not count.
             let (v, g_v) = (proof.v.row(i)[c], proof.g_v.row(i)[c]);
             m = m.max(residual.row(i)[c] / g_v);
             gap = gap.min(g_v / v);
@@ -65,8 +66,9 @@ pub(super) fn relative(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual)
     bounds
 }
 
-/// Returns for each channel a bound of the eigenvalues of diag(ρ) F in absolute value, λ = max_i (ρ F v)_i / v_i with the vector v above, and the
-/// passes over F that it took. A channel without light has 0, and where nothing below 1 can be proved it is 1.
+/// Returns for each channel a bound λ of the absolute eigenvalues of diag(ρ) F, and the passes over F spent on it.
+///
+/// λ = max_i (ρ F v)_i / v_i with the vector v above. A channel without light has 0, and one for which no bound below 1 can be proved has 1.
 pub(super) fn spectral_radius(scaled: &Scaled) -> (Vec<f64>, usize) {
     let n_channels = scaled.system.n_channels();
     let lit: Vec<usize> = (0..n_channels).filter(|&c| !scaled.is_dark(c)).collect();
@@ -81,7 +83,7 @@ pub(super) fn spectral_radius(scaled: &Scaled) -> (Vec<f64>, usize) {
     (radii, n_passes)
 }
 
-/// Returns |r| and what rounding can have taken from it.
+/// Returns |r| with its possible rounding added.
 fn with_rounding(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual) -> Block {
     let unit = rounding(scaled);
     let mut sum = scaled.sizes(radiosity, &truth.irradiance);
@@ -91,20 +93,22 @@ fn with_rounding(scaled: &Scaled, radiosity: &Block, truth: &TrueResidual) -> Bl
     sum
 }
 
-/// Returns what rounding can make of a sum of products with F, relative to the sum of their sizes.
+/// Returns the possible rounding of a sum of products with F, relative to the sum of their sizes.
 fn rounding(scaled: &Scaled) -> f64 {
     roundings(scaled.areas.len()) * 0.5 * f64::EPSILON
 }
 
-/// A vector v > 0 with G v > 0 in every lit channel. In rooms without light, which do not matter to others, both are 0: a residual there is beyond all bounds.
+/// A vector v > 0 with G v > 0 in every lit channel.
+///
+/// In enclosures without light, which do not affect the others, both are 0: a residual there is beyond all bounds.
 struct Proof {
     v: Block,
-    /// G v, at least.
+    /// A lower bound of G v.
     g_v: Block,
 }
 
 impl Proof {
-    /// Looks for a proof, and returns also the number of passes over F that it took.
+    /// Searches for a proof, and also returns the number of passes over F that it took.
     fn find(scaled: &Scaled, lit: &[usize]) -> (Option<Self>, usize) {
         if lit.is_empty() {
             return (None, 0);
@@ -117,7 +121,7 @@ impl Proof {
         };
         let mut v = scaled.zeros();
         v.values_mut().fill(1.0);
-        // A room that proves nothing, as it is white, may be one that no light gets to.
+        // A white enclosure, which proves nothing, may be one without light.
         let brightest = |i: usize| system.reflectance().row(i).iter().copied().fold(0.0, f64::max);
         let any_white = system
             .row_sums()

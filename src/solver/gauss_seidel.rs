@@ -12,12 +12,12 @@ use crate::matrix::operator::{Block, RowAccess};
 /// Gauss-Seidel iteration, all channels together.
 ///
 /// B_i ← (E_i + ρ_i Σ_{j≠i} F_ij B_j) / (1 − ρ_i F_ii), i = 1 ... n in patch order with the newest B_j.
-/// One pass is one sweep: serial, hence the same bytes at any number of threads. Converges where ρ_i Σ_j F_ij < 1
-/// for all patches, and in any room that has a finite solution and row sums of at most 1; the error falls by about ρ² a pass, so a room with reflectances near
-/// 1 takes many. Needs rows, not reciprocity.
+/// One pass is one sweep: serial, hence the same bytes at any number of threads. It converges where ρ_i Σ_j F_ij < 1
+/// for all patches, and in any enclosure that has a finite solution and row sums of at most 1. The error falls by about ρ² a pass, so that an enclosure with reflectances near
+/// 1 takes many. It needs rows, not reciprocity.
 ///
-/// A sweep meets the residual r_i of every patch just before it corrects it; these are the estimate in the history. They lag
-/// by one sweep and so overstate the residual left. When they meet the tolerance, the true residual is calculated
+/// A sweep finds the residual r_i of every patch just before it corrects it; these are the estimate in the history. They lag
+/// by one sweep and so overstate the current residual. When they meet the tolerance, the true residual is calculated
 /// with one more pass over F, and sweeps go on until it meets the tolerance as well.
 ///
 /// Source: Baranoski, Bramley and Shirley 1995, section 1.2; Lewis 1992, section 3, for F_ii ≠ 0.
@@ -102,7 +102,7 @@ pub(super) fn relaxed_sweep(
             let diagonal = 1.0 - rho[c] * f_ii;
             let residual = e[c] + rho[c] * gathered[c] - diagonal * *b;
             before.row_mut(i)[c] = residual;
-            // A patch that sends all of its light back to itself can only stay dark; with light the residual tells.
+            // A patch that sends all of its light back to itself can only stay dark; if it emits, the residual shows it.
             if diagonal > 0.0 {
                 *b = relax(i, c, *b, (e[c] + rho[c] * gathered[c]) / diagonal);
             }

@@ -21,7 +21,7 @@ use crate::matrix::operator::{Block, RowAccess};
 /// r_i = ρ_i Σ_{j>i} F_ij δ_j, so that Σ_{i∈K} A_i r_i = Σ_{j∈K} δ_j q_j with q_j = Σ_{i<j} A_i ρ_i F_ij, which is set up once, as is the denominator.
 /// The number of passes then hardly depends on ρ: for a relative residual of 1e-6 in Baranoski's room (r = 1, 992 patches) 29 at ρ = 0.9 and 37 from
 /// ρ = 0.999 on (an independent prototype; our counts are in the tests), where plain Gauss-Seidel takes 51 and more than 1500.
-/// A component whose denominator is not positive beyond rounding is left to the sweeps where it is zero (a white room), and shows an indefinite system where it is negative. So are components without light.
+/// A component whose denominator is not positive beyond rounding is left to the sweeps where it is zero (a white room), and shows an indefinite system where it is negative. Components without light are also left to the sweeps.
 ///
 /// Needs rows, not reciprocity. The estimate in the history is that of [`GaussSeidel`](super::GaussSeidel).
 /// Memory: 2 blocks \[n, c\] beside those of Gauss-Seidel. Work: a sweep a pass, and one pass before the first.
@@ -65,7 +65,7 @@ impl Solver for GaussSeidelAmbient {
     }
 }
 
-/// A denominator below this share of what it is the difference of is rounding.
+/// The share of its terms below which a denominator, which is a difference, is rounding.
 const RESOLVED_FROM: f64 = 1e-14;
 
 struct State<'a> {

@@ -34,14 +34,14 @@ use crate::setting::{Kind, Setting, Use, Value};
 ///
 /// The space is an orthonormal basis by Arnoldi with modified Gram-Schmidt, made twice where the first sweep cancels. The residual vector follows from
 /// one recurrence (r_k = φ_{k+1} w_k, w_k = −s_k w_{k−1} + c_k v_{k+1}, with the rotations c, s); its norms are the estimate in the history. When it meets
-/// the tolerance, the true residual is calculated, and the space is built anew from it where it does not. A system that is not an M-matrix
-/// has its solution found like any other; it shows in negative radiosities, and the solver stops as
+/// the tolerance, the true residual is calculated, and where that does not meet it, the space is built anew from it. A system that is not an M-matrix
+/// is solved like any other; it shows in negative radiosities, and the solver stops as
 /// [`StopReason::Diverged`](super::StopReason::Diverged).
 ///
-/// Where a component that emits has a mean reflectance of more than [`DEFLATED_FROM`](super::DEFLATED_FROM), the even light of every component is deflated: even irradiances u_K (ρ on component K, 0 elsewhere)
-/// are further directions. The residual and the images of the basis are kept orthogonal to G u_K, which takes the pass that calculates the first residual, as one more channel for each distinct
-/// reflectance; then d is from span(u_K, P r_0, P G P r_0, ...), P the projection orthogonal to all G u_K. Even *radiosities* as directions, of which G is known from the row sums without a pass, save as much, but light black patches that emit nothing, within
-/// the tolerance.
+/// Where a component that emits has a mean reflectance of more than [`DEFLATED_FROM`](super::DEFLATED_FROM), the even light of every component is deflated:
+/// even irradiances u_K (ρ on component K, 0 elsewhere) are further directions. The residual and the images of the basis are kept orthogonal to G u_K, which comes from the pass that calculates the first
+/// residual, as one more channel for each distinct reflectance; then d is from span(u_K, P r_0, P G P r_0, ...), P the projection orthogonal to all G u_K.
+/// Even *radiosities* as directions, of which G is known from the row sums without a pass, save as much, but they light black patches that emit nothing, within the tolerance.
 ///
 /// Memory: m + 4 blocks \[n, c\], and 2 for the even light. Work: one application of F a pass, and about 4 k n c operations in the k-th of a cycle.
 ///
@@ -119,10 +119,10 @@ impl Solver for Gmres {
     }
 }
 
-/// A sweep of Gram-Schmidt that leaves less than this share of a vector is made twice (Daniel, Gragg, Kaufman and Stewart 1976).
+/// The share of a vector below which a sweep of Gram-Schmidt is made twice (Daniel, Gragg, Kaufman and Stewart 1976).
 const CANCELS: f64 = 0.7;
 
-/// A basis vector below this share of what it was made of is rounding: the space holds the solution already.
+/// The share of its terms below which a basis vector is rounding: the space holds the solution already.
 const EXHAUSTED: f64 = 1e-15;
 
 struct State<'a> {
@@ -130,15 +130,15 @@ struct State<'a> {
     restart: usize,
     deflate: Deflate,
     even: Option<EvenLight>,
-    /// For each column of H, what of G v_k was even: \[components, c\].
+    /// The even part of G v_k, for each column of H: \[components, c\].
     even_shares: Vec<Block>,
-    /// B_0, with the even light that suits it best.
+    /// B_0, with the even light that fits it best.
     base: Block,
     /// v_1, v_2, ...
     basis: Vec<Block>,
     /// One small problem for each channel.
     least: Vec<LeastSquares>,
-    /// The residual of the radiosities as they are.
+    /// The residual of the current radiosities.
     residual: Block,
     image: Block,
 }
@@ -152,7 +152,7 @@ struct LeastSquares {
     rotations: Vec<(f64, f64)>,
     /// The right-hand side; its last entry is ± the residual's norm.
     rhs: Vec<f64>,
-    /// True if the space cannot grow any more.
+    /// True if the space cannot grow.
     exhausted: bool,
 }
 
@@ -202,7 +202,7 @@ impl LeastSquares {
 }
 
 impl State<'_> {
-    /// Begins a space from the residual, of which even light is to take its share first where the tolerance is not met.
+    /// Begins a space from the residual; where the tolerance is not met, even light is taken out first.
     fn begin(&mut self, excess: &[f64]) {
         if let Some(even) = &self.even {
             let mut shares = even.shares(&self.residual);
@@ -335,7 +335,7 @@ impl Iteration for State<'_> {
             let factors: Vec<f64> = solutions.iter().map(|y| y.get(k).copied().unwrap_or(0.0)).collect();
             add_scaled(&mut radiosity, &factors, v);
         }
-        // What passes made of even light, they made of the basis: it must not come in twice.
+        // The passes replaced even light by the basis: it must not be added twice.
         if let Some(even) = &self.even {
             let mut total = even.shares_of_none(solutions.len());
             for (k, shares) in self.even_shares.iter().enumerate() {

@@ -53,7 +53,7 @@ pub struct Errors {
     pub error_goertler: f64,
 }
 
-/// A function that is called after every pass of a solver, and stops it by breaking.
+/// A function that is called after every pass of a solver, and may stop it by breaking.
 pub type Monitor<'a> = &'a mut dyn FnMut(&HistoryEntry) -> ControlFlow<()>;
 
 /// The work before the first pass.
@@ -65,7 +65,7 @@ pub(super) struct Setup {
     pub(super) time_s: f64,
 }
 
-/// Keeps the history and calls the caller's monitor.
+/// Stores the history and calls the caller's monitor.
 pub(super) struct Recorder<'a> {
     start: Instant,
     /// Time that went into the history.
@@ -100,7 +100,7 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Does work that only serves the history, and leaves its time out.
+    /// Does work that only serves the history, without its time.
     pub(super) fn off_the_clock<T>(&mut self, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = work();
@@ -108,7 +108,7 @@ impl<'a> Recorder<'a> {
         result
     }
 
-    /// Returns whether these norms, of a true residual, are not yet what the last entry holds.
+    /// Returns whether the last entry lacks these norms of a true residual.
     pub(super) fn lacks(&self, norms: &Norms) -> bool {
         let holds = |last: &HistoryEntry| {
             !last.estimated
@@ -118,7 +118,7 @@ impl<'a> Recorder<'a> {
         !self.entries.last().is_some_and(holds)
     }
 
-    /// Notes the state after a pass of so much `work`, in place of what was noted for the same pass before. Returns false if the
+    /// Records the state after a pass of so much `work`, in place of an earlier record of the same pass. Returns false if the
     /// caller asks to stop.
     pub(super) fn note(
         &mut self,

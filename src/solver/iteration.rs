@@ -1,4 +1,4 @@
-//! The parts that all iterations share: when to look at the true residual, when to stop, what to write down.
+//! The parts that all iterations share: checks of the true residual, the decision to stop, and the record.
 
 use super::best::Best;
 use super::error::SolverError;
@@ -9,26 +9,28 @@ use super::solve::SolveOptions;
 use super::stop::{Norms, StopReason, Tolerance, Watch, worst};
 use crate::matrix::operator::Block;
 
-/// A residual that has not fallen below this share of the one before it has gained nothing, and an estimate below this share of the true residual is wrong.
+/// The share of the former residual above which a residual has gained nothing.
+///
+/// An estimate below this share of the true residual is wrong.
 const GAIN: f64 = 0.5;
 
 /// The outcome of checks of the true residual against the estimates that triggered them.
 struct Checks {
     /// The last true residual, over the tolerance.
     before: f64,
-    /// By what factor estimates are taken to be too small.
+    /// The factor by which estimates are taken to be too small.
     factor: f64,
 }
 
 impl Checks {
-    /// Takes in a residual and the estimate of it that met the tolerance, both over the tolerance, and returns whether the estimates are useless.
+    /// Records a residual and the estimate of it that met the tolerance, and returns whether the estimates are useless.
     ///
-    /// Those that do not drift lag behind: they are to fall by as much more, and that is no standing still. Nor is it where estimates that drift are off by little.
+    /// Both are over the tolerance. Estimates that do not drift lag behind: they must fall by as much more, which is no stagnation. Nor is it stagnation where estimates that drift are off by little.
     fn observe(&mut self, truth: f64, estimate: f64, drifts: bool) -> bool {
         let leads_nowhere = drifts && truth > GAIN * self.before && estimate < GAIN * truth;
         let most = if drifts { 1.0 / GAIN } else { f64::INFINITY };
         self.before = truth;
-        // An estimate of nothing left says nothing of the next.
+        // An estimate of 0 does not show the error of the next one.
         self.factor = if estimate > 0.0 {
             (truth / estimate).clamp(1.0, most)
         } else {
@@ -40,11 +42,11 @@ impl Checks {
 
 /// The residual of an iteration after a pass, as far as it is known.
 pub(super) enum Estimate {
-    /// The norms that its own account gives; the true residual is calculated when they meet the tolerance.
+    /// The norms by the method's own estimate; the true residual is calculated when they meet the tolerance.
     Running(Norms),
-    /// The residual of the radiosities as they are now, from F itself.
+    /// The residual of the current radiosities, from F itself.
     True(TrueResidual),
-    /// The system is not what the method needs, such as positive definite: no use to go on.
+    /// The system lacks a property that the method needs, such as positive definiteness: more passes are of no use.
     Breakdown,
 }
 
@@ -53,13 +55,15 @@ pub(super) trait Iteration {
     /// Whether [`restart`](Self::restart) has to be called before the first pass.
     const NEEDS_RESIDUAL: bool;
 
-    /// True if no channel's residual, by `Tolerance::ResidualL2`, is ever above what it was a pass before: the last radiosities are then the best.
+    /// True if no channel's residual, by `Tolerance::ResidualL2`, ever rises from pass to pass: the last radiosities are then the best.
     const NEVER_RISES: bool = false;
 
     /// False if estimates come from F in each pass anew, as those of sweeps do: patience alone then detects stagnation.
     const DRIFTS: bool = true;
 
-    /// Returns the residual of the radiosities before the first pass, with one pass over F, through which further vectors may go: that counts as one pass, as any number of channels does.
+    /// Returns the residual of the radiosities before the first pass, with one pass over F.
+    ///
+    /// Further vectors may go through that pass: it counts as one, as one for any number of channels does.
     fn first_residual(&mut self, scaled: &Scaled) -> TrueResidual {
         scaled.true_residual(&self.radiosity())
     }
@@ -71,12 +75,12 @@ pub(super) trait Iteration {
     /// Returns the radiosities.
     fn radiosity(&self) -> Block;
 
-    /// Takes in the true residual of the radiosities as they are.
+    /// Restarts from the true residual of the current radiosities.
     ///
-    /// Channels whose `excess` is 1 or below rest: they stay as they are.
+    /// Channels whose `excess` is 1 or below rest: they stay unchanged.
     fn restart(&mut self, truth: &TrueResidual, excess: &[f64]);
 
-    /// Returns what was done before the first pass.
+    /// Returns the work before the first pass.
     fn setup(&self) -> Setup {
         Setup::default()
     }
@@ -86,12 +90,12 @@ pub(super) trait Iteration {
         1.0
     }
 
-    /// Returns B with an estimate of the light that is still under way, where the method has one.
+    /// Returns B with an estimate of the unshot light, where the method has one.
     fn display(&self) -> Option<Block> {
         None
     }
 
-    /// Returns what every pass lowers that gets closer to the solution, where that is not the residual's norm: patience goes by it.
+    /// Returns the quantity that falls with every pass towards the solution, where that is not the residual's norm: patience depends on it.
     fn under_way(&self) -> Option<f64> {
         None
     }
@@ -102,13 +106,13 @@ pub(super) trait Iteration {
     }
 }
 
-/// Runs an iteration until the true residual meets the tolerance, or there is no point in going on.
+/// Runs an iteration until the true residual meets the tolerance, or more passes are of no use.
 ///
 /// When the running estimate meets the tolerance, the true residual is calculated with one more pass over F, and the iteration
-/// restarts from it where it does not meet the tolerance; two such checks in a row that differ by less than a factor of 2 end it as
-/// [`StopReason::Stagnated`], if the estimate is wrong by that factor as well and the method does not go by the unshot power. Radiosities that meet the tolerance and are negative somewhere, though nothing emits less than nothing, are set to
-/// E there; if they still meet the tolerance they are the solution, else the iteration goes on, and ends as [`StopReason::Diverged`] if it
-/// does not get far closer: B ≥ 0 with (I − diag(ρ) F) B = E ≥ 0 is what shows that the system is one of light (an M-matrix).
+/// restarts from it where it does not meet the tolerance. Two such checks in a row that differ by less than a factor of 2 end it as
+/// [`StopReason::Stagnated`], if the estimate is wrong by that factor as well and the method does not go by the unshot power. Radiosities that meet the tolerance and are negative on some patches,
+/// though all exitances are nonnegative, are set to E there. If they still meet the tolerance they are the solution; otherwise the iteration goes on, and ends as [`StopReason::Diverged`] if it
+/// does not get far closer: B ≥ 0 with (I − diag(ρ) F) B = E ≥ 0 shows that the system is one of light (an M-matrix).
 /// Where rounding decides whether the tolerance is met, the residual is calculated with twice the digits. Where the tolerance is not met, the best radiosities of each channel are returned, not the last.
 #[expect(clippy::too_many_lines, reason = "one loop, whose branches all end or continue it")]
 pub(super) fn run<I: Iteration>(
@@ -177,7 +181,7 @@ pub(super) fn run<I: Iteration>(
         });
         let mut stagnated = false;
         if let Some(exact) = truth.take_if(|exact| exact.is_sharp && worst(&tolerance.excess(&exact.norms)) > 1.0) {
-            // What looked like the solution was rounding.
+            // The apparent solution was rounding.
             stagnated = checks.observe(worst(&tolerance.excess(&exact.norms)), plain, true);
             iteration.restart(&exact, &tolerance.excess(&exact.norms));
             n_checks += 1;
@@ -200,15 +204,15 @@ pub(super) fn run<I: Iteration>(
             let checked = worst(&tolerance.excess(&norms));
             let has_fallen = checked < checks.before;
             if claims {
-                // A method that goes by the unshot power checks radiosities that are a reflection further than that power: the check may stay behind for long.
+                // A method that goes by the unshot power checks radiosities one reflection beyond that power: the check may lag for long.
                 stagnated = checks.observe(checked, estimated, I::DRIFTS) && iteration.under_way().is_none();
             }
             goes_on = recorder.note(n_passes, 0.0, &norms, false, || iteration.radiosity()) && goes_on;
             if claims && checked > 1.0 && !stagnated {
-                // The radiosities may change with it: what is true of them is calculated anew at the end.
+                // The radiosities may change with it: their true residual is calculated anew at the end.
                 iteration.restart(&exact, &tolerance.excess(&norms));
                 if !I::DRIFTS && has_fallen {
-                    // Estimates stand for more than they did: those before are no measure of them.
+                    // Estimates are scaled from here on: the earlier ones are no measure of them.
                     watch = Watch::new(options.patience);
                 }
             } else {
@@ -233,13 +237,13 @@ pub(super) fn run<I: Iteration>(
                 }
                 Mended::Impossible => {
                     let rejected = worst(&excess);
-                    // Also where nothing is left to gain.
+                    // Also where there is nothing more to gain.
                     if rejected >= GAIN * rejected_before || !goes_on {
                         gave_up = StopReason::Diverged;
                         break;
                     }
                     rejected_before = rejected;
-                    // Channels that meet the tolerance would rest, and those that rested have nothing to go on with.
+                    // Channels that meet the tolerance would rest, and those that rested have no direction to continue in.
                     excess.fill(f64::INFINITY);
                     let exact = truth.take().unwrap_or_else(|| {
                         n_checks += 1;
@@ -283,7 +287,7 @@ pub(super) fn run<I: Iteration>(
     })
 }
 
-/// The fate of radiosities that meet the tolerance.
+/// The result of clipping radiosities that meet the tolerance.
 enum Mended {
     /// None is negative, or they may be.
     NotNeeded,
@@ -298,7 +302,7 @@ fn mend(scaled: &Scaled, tolerance: Tolerance, mut radiosity: Block, n_checks: &
     if scaled.system.is_signed() || values.iter().all(|b| *b >= 0.0 || b.is_nan()) {
         return Mended::NotNeeded;
     }
-    // Nothing is darker than what it emits.
+    // A radiosity is at least the exitance.
     for (b, e) in values.iter_mut().zip(scaled.exitance.values()) {
         if *b < 0.0 {
             *b = *e;
@@ -314,7 +318,7 @@ fn mend(scaled: &Scaled, tolerance: Tolerance, mut radiosity: Block, n_checks: &
     }
 }
 
-/// Returns the radiosities to give back, with their true residual; `truth` is that of `last`, where it is known.
+/// Returns the final radiosities with their true residual; `truth` is that of `last`, where it is known.
 fn finish(
     scaled: &Scaled,
     tolerance: Tolerance,
@@ -358,7 +362,7 @@ mod tests {
         assert_eq!(says(6.0, 0.5, true), (true, 2.0));
         assert_eq!(says(2.5, 0.5, true), (false, 2.0));
         assert_eq!(says(1.5, 1.0, true), (false, 1.5));
-        // Less than was said, or nothing.
+        // Less than the estimate, or nothing.
         assert_eq!(says(0.5, 1.0, false), (false, 1.0));
         assert_eq!(says(1.5, 0.0, false), (false, 1.0));
         assert_eq!(says(0.0, 0.0, true), (false, 1.0));

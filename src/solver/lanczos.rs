@@ -1,15 +1,15 @@
-//! Where the eigenvalues of diag(ρ) F lie, from a few passes.
+//! An interval of the eigenvalues of diag(ρ) F, from a few passes.
 
 use super::scaled::Scaled;
 use super::vectors::{inner, scale};
 use crate::matrix::operator::Block;
 
-/// Returns for each channel an interval that holds the eigenvalues of diag(ρ) F in all likelihood, from `n_steps` steps of Lanczos' method.
+/// Returns for each channel an interval that very likely holds the eigenvalues of diag(ρ) F, from `n_steps` steps of Lanczos' method.
 ///
 /// Where A_i F_ij is symmetric, T = diag(ρ)^½ F diag(ρ)^½ has the same eigenvalues and is symmetric in ⟨u, v⟩ = Σ A u v. The Ritz
 /// values of a Krylov space lie inside the spectrum; each has an eigenvalue within its residual |β y|, y the last component of its vector. The interval reaches from the
-/// least Ritz value less its residual to the greatest plus its own: outside of it there is an eigenvalue only if the start vector, which has a share of everything, has next to
-/// none of it. All vectors are kept orthogonal to one another.
+/// least Ritz value less its residual to the greatest plus its own. An eigenvalue outside it would need a start vector with next to
+/// none of its eigenvector, and the start vector has a share of all. All vectors are kept orthogonal to one another.
 ///
 /// `areas`: the A of the inner product, \[n\]. Memory: `n_steps` vectors. Work: `n_steps` passes.
 /// Source: Golub and Van Loan, "Matrix Computations", 4th edition, section 10.1. Departures: none.
@@ -53,7 +53,7 @@ pub(super) fn ranges(scaled: &Scaled, areas: &[f64], n_steps: usize) -> Vec<(f64
         for (c, t) in tridiagonal.iter_mut().enumerate().filter(|(_, t)| !t.is_complete) {
             t.diagonal.push(alpha[c]);
             t.beside.push(lengths[c]);
-            // What is left is rounding: the space holds all that the start vector has a share of.
+            // The rest is rounding: the space holds all modes of the start vector.
             t.is_complete = lengths[c] <= 1e-13;
         }
         norms = (0..n_channels)
@@ -67,7 +67,7 @@ fn norms_of(weights: &[f64], x: &Block) -> Vec<f64> {
     inner(weights, x, x).into_iter().map(f64::sqrt).collect()
 }
 
-/// The matrix of the Krylov space: `beside[k]` stands between k and k + 1, the last one is what leads out of the space.
+/// The matrix of the Krylov space: `beside[k]` stands between k and k + 1, the last one leads out of the space.
 #[derive(Clone, Debug, Default)]
 struct Tridiagonal {
     diagonal: Vec<f64>,
@@ -89,7 +89,7 @@ impl Tridiagonal {
         )
     }
 
-    /// Returns how many eigenvalues are below x: the negative pivots of T − x (Sturm).
+    /// Returns the number of eigenvalues below x: the negative pivots of T − x (Sturm).
     fn n_below(&self, x: f64) -> usize {
         let (mut count, mut pivot) = (0, 1.0);
         for (k, d) in self.diagonal.iter().enumerate() {

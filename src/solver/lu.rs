@@ -5,12 +5,12 @@ use faer::linalg::lu::partial_pivoting::{factor, solve};
 use faer::perm::PermRef;
 use faer::{Mat, MatMut, Par};
 
-/// Rows up to which plain substitution takes less time than to prepare for anything better.
+/// The number of rows up to which plain substitution takes less time than the preparation of a better method.
 const SMALL: usize = 32;
 
 /// P M = L U of a square matrix, with partial pivoting in f64.
 ///
-/// The sums are divided into the parts that `par` says, whatever the number of threads: equal parts give equal bytes.
+/// The sums are divided into the parts of `par`, whatever the number of threads: equal parts give equal bytes.
 pub(super) struct Lu {
     /// L below the diagonal, U on and above it.
     packed: Mat<f64>,
@@ -92,7 +92,7 @@ mod tests {
     #[test]
     fn a_vector_is_solved_for_as_a_matrix_is() {
         for n in [1, 2, 6, SMALL, SMALL + 1] {
-            // Rows that need exchanging: the diagonal is not the greatest.
+            // The rows need exchanging, as the diagonal is not the greatest.
             let entry = |i: usize, j: usize| {
                 ((i * 31 + j * 17 + i * j) % 13) as f64 + if (i + 1) % n == j { 40.0 } else { 0.0 }
             };

@@ -12,10 +12,10 @@ use super::system::RadiositySystem;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::hierarchy::{Coarsening, Hierarchy, Prolongation};
 
-/// The change is wanted to this, relative.
+/// The relative residual to which the change is solved.
 const TOLERANCE: f64 = 1e-2;
 
-/// Passes after which nothing is known.
+/// The number of passes after which there is no estimate.
 const MAX_PASSES: usize = 100;
 
 /// A solution on the next coarser mesh.
@@ -30,7 +30,7 @@ pub struct Coarsened {
 }
 
 impl Coarsened {
-    /// Returns what of it belongs to some of the channels.
+    /// Returns the part of it for some of the channels.
     #[must_use]
     pub fn of_channels(&self, own: Range<usize>) -> Self {
         Self {
@@ -41,16 +41,16 @@ impl Coarsened {
     }
 }
 
-/// Estimates the change of the radiosities if the first level of `hierarchy` were the mesh, from the form factors of the present patches; `None` without such a level, or if the estimate was
-/// not found.
+/// Estimates the change of the radiosities if the first level of `hierarchy` were the mesh, from the form factors of the present patches.
 ///
-/// The coarse patches' form factors are means of the fine ones', F_c = R F P with R the area-weighted mean over the children and P their parent's value. So B_c = R E + R ρ F P B_c, and by what it is
-/// more than R B, d = B_c − R B, (I − R ρ F P) d = R ρ F (P R B − B). It is solved on the fine mesh, (I − ρ F) d = P R ρ F (P R B − B), which changes d by as much as the coarse mesh does, relatively.
+/// `None` without such a level, or if the estimate was not found.
+/// The coarse patches' form factors are means of the fine ones', F_c = R F P with R the area-weighted mean over the children and P their parent's value. So B_c = R E + R ρ F P B_c, and its
+/// difference from R B, d = B_c − R B, fulfils (I − R ρ F P) d = R ρ F (P R B − B). It is solved on the fine mesh, (I − ρ F) d = P R ρ F (P R B − B), which changes d by as much as the coarse mesh does, relatively.
 ///
-/// Accuracy: in `cornell-box` with 1280, 5120 and 20 480 patches d foretells 1.22 %, 1.22 % and 0.63 % for the surface that changes most; runs with a quarter of the patches differ by 1.21 %, 1.20 % and 0.62 %
-/// there (`radiosity solve scenes/cornell-box/scene.obj --subdivide N`, N = 8, 16, 32). In `room-box` all surfaces together change as foretold to within a tenth (`tests/library/solver/mesh_error.rs`).
-/// Where a step to a finer mesh changes means by half as much as the step before, |d| is what they are off by on the mesh that there is; where it changes them by less than that, they are nearer to the truth.
-/// Single patches show the mean of the light that they get, which differs within them by about as much as they differ from the mean of their parent, the spread.
+/// Accuracy: in `cornell-box` with 1280, 5120 and 20 480 patches d forecasts 1.22 %, 1.22 % and 0.63 % for the surface that changes most; runs with a quarter of the patches differ by 1.21 %, 1.20 % and 0.62 %
+/// there (`radiosity solve scenes/cornell-box/scene.obj --subdivide N`, N = 8, 16, 32). In `room-box` all surfaces together change as forecast to within a tenth (`tests/library/solver/mesh_error.rs`).
+/// Where a step to a finer mesh changes means by half as much as the step before, |d| is their error on the present mesh; where it changes them by less than that, they are nearer to the truth.
+/// Single patches show the mean of the light that they receive, which differs within them by about as much as they differ from the mean of their parent, the spread.
 ///
 /// `operator`: F; `areas`: A, m², \[n\]; `reflectance`: ρ; `solution`: B, and its shape. Shapes: \[n, c\]. Work: two passes over F, and a solve to two digits with GMRES, about three more. Memory: some blocks.
 /// Source: defect correction on Galerkin's coarse levels, as in [`Multigrid`](super::Multigrid). Departures: none.

@@ -1,8 +1,8 @@
 //! Solvers of the radiosity system B = E + diag(ρ) F B.
 //!
 //! A [`RadiositySystem`] holds a validated system, a [`Solver`] turns it into a [`Solution`]; the [`registry`] finds solvers by
-//! name. Every solution carries the true residual of the radiosities that are returned, however the solver kept
-//! its own accounts, and a bound of their error.
+//! name. Every solution has the true residual of the returned radiosities, whatever estimates the solver
+//! used, and a bound of their error.
 
 mod ambient;
 mod anderson;

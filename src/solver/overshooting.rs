@@ -1,4 +1,4 @@
-//! `overshooting`: patches shoot what they have, and what they will get back (Feda and Purgathofer).
+//! `overshooting`: patches shoot their light, and the light that they will get back (Feda and Purgathofer).
 
 use std::num::NonZeroUsize;
 use std::time::Instant;
@@ -17,21 +17,21 @@ use super::system::RadiositySystem;
 use crate::matrix::operator::Block;
 use crate::setting::Value;
 
-/// Overshooting after Feda and Purgathofer, with the line mended that makes it diverge; all channels together.
+/// Overshooting after Feda and Purgathofer, with the line corrected that makes it diverge; all channels together.
 ///
 /// As [`ProgressiveRefinement`](super::ProgressiveRefinement), but patch i shoots
 ///
 /// ΔB'_i = min(ΔB_i + ρ_i Ambient, Σ_j ΔB_j A_j / A_i)
 ///
-/// in place of ΔB_i, where Ambient is the even irradiance that the unshot light ends as, and the patch is the one of the greatest |ΔB'_i| A_i. What it shot too much
+/// in place of ΔB_i, where Ambient is the final even irradiance of the unshot light, and the patch is the one of the greatest |ΔB'_i| A_i. The excess that it shot
 /// is taken back later as negative unshot light: ΔB_i ← ΔB_i − ΔB'_i. Sums and Ambient are over the patch's connected component.
 ///
-/// Everything depends on Ambient, so that a step looks at all patches: O(n). Columns, passes, several channels, the estimate, starts, display and selections are
-/// as in progressive refinement; in [`Solution::display`](super::Solution::display) the ambient term is what this method itself reckons with.
+/// Everything depends on Ambient, so that a step visits all patches: O(n). Columns, passes, several channels, the estimate, starts, display and selections are
+/// as in progressive refinement; in [`Solution::display`](super::Solution::display) the ambient term is the method's own.
 ///
-/// With exitances of both signs there is no even irradiance to reckon with, and it is progressive refinement.
+/// With exitances of both signs there is no even irradiance, and it is progressive refinement.
 ///
-/// Converges faster than progressive refinement in bright rooms (a quarter of the steps at ρ_avg = 0.88), but no proof says that it must, and from
+/// It converges faster than progressive refinement in bright rooms (a quarter of the steps at ρ_avg = 0.88), but without a proof, and from
 /// about 1 − ρ = 1e-3 on it is slow or diverges, as the [`StopReason`](super::StopReason) shows.
 ///
 /// Memory: 3 vectors. Work: n steps read as much of F as one application, and all vectors once a step.
@@ -102,7 +102,7 @@ struct State<'a> {
 }
 
 impl State<'_> {
-    /// Adds up the totals from ΔB itself, so that rounding does not pile up from step to step.
+    /// Computes the totals from ΔB itself, so that rounding does not accumulate from step to step.
     fn refresh(&mut self) {
         self.totals.arriving = self.light.ambient.arriving(&self.light.unshot);
         self.totals.total.values_mut().fill(0.0);
@@ -181,7 +181,7 @@ impl Iteration for State<'_> {
     fn pass(&mut self, _excess: &[f64]) -> Estimate {
         self.light.n_steps = 0;
         while self.light.n_steps < self.light.steps_per_pass {
-            // Every n steps, not every pass: the number of steps in a pass is to change nothing.
+            // Every n steps, not every pass: the number of steps in a pass must not matter.
             if self.n_steps.is_multiple_of(self.light.unshot.n_rows()) {
                 self.refresh();
             }

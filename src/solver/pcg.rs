@@ -24,8 +24,8 @@ use crate::matrix::operator::Block;
 /// the radiosities is r = diag(ρ)^½ (g − K x). K is positive definite where ρ_i Σ_j F_ij < 1; a direction p
 /// with ⟨p, K p⟩ ≤ 0 shows that it is not, and the solver stops as [`StopReason::Diverged`](super::StopReason::Diverged).
 ///
-/// One pass applies F once to all channels; each channel has its own scalars and rests as soon as it meets the tolerance, so
-/// it ends as the same bytes that it would alone. The recurrence's residual is the estimate in the history. When it meets the
+/// One pass applies F once to all channels; each channel has its own scalars and rests as soon as it meets the tolerance, so that
+/// it ends as the same bytes as alone. The recurrence's residual is the estimate in the history. When it meets the
 /// tolerance, the true residual is calculated, and the iteration starts again from it where it does not meet
 /// the tolerance; if two such checks in a row differ by less than a factor of 2, it ends as [`StopReason::Stagnated`](super::StopReason::Stagnated).
 /// [`Start::Zero`](super::Start::Zero) is the same as [`Start::Exitance`](super::Start::Exitance): its first reflection gives B = E.
@@ -34,7 +34,7 @@ use crate::matrix::operator::Block;
 /// because one eigenvalue of K lies near 1 − ρ and the others cluster near 1. That one belongs to the even light of a connected component. Where
 /// a component that emits has a mean reflectance of more than [`DEFLATED_FROM`](super::DEFLATED_FROM), all components' even lights are deflated: the residual
 /// is kept orthogonal, and the directions conjugate, to the vectors ρ^½ of the components. Their images come from the pass
-/// that calculates the first residual, as one more channel for each distinct reflectance, and the number of passes no longer grows with ρ (the tests have the counts).
+/// that calculates the first residual, as one more channel for each distinct reflectance, and the number of passes does not grow with ρ then (the tests have the counts).
 ///
 /// Source: Baranoski, Bramley and Shirley 1995, section 3.2. Departures: the printed algorithm has no preconditioner, tests the residual scaled by
 /// V, and confuses V with its inverse in line 3; the inner product takes the areas from the form factors.
@@ -92,11 +92,11 @@ struct State<'a> {
     root: Block,
     /// x.
     x: Block,
-    /// g − K x, as the recurrence has it.
+    /// g − K x, by the recurrence.
     residual: Block,
     /// The direction of the last step; of the next one where [`restart`](Iteration::restart) has just set it.
     direction: Block,
-    /// Whether a step has been taken along the direction: the next one is made when it is needed, which it is not after the last pass.
+    /// Whether a step has been made along the direction; the next direction is made when needed, which is not after the last pass.
     is_spent: bool,
     /// ⟨residual, residual⟩ of each channel, when the direction was made.
     squared: Vec<f64>,
@@ -148,7 +148,7 @@ impl<'a> State<'a> {
         self.is_spent = false;
     }
 
-    /// Returns whether a channel still changes. If only even light was missing, nothing is left to do, and K p = 0 does not show that K is singular.
+    /// Returns whether a channel still changes. If only even light was missing, nothing remains to be done, and K p = 0 does not show that K is singular.
     fn moves(&self, excess: &[f64], channel: usize) -> bool {
         excess[channel] > 1.0 && (self.squared[channel] > 0.0 || self.squared[channel].is_nan())
     }
@@ -161,7 +161,7 @@ impl<'a> State<'a> {
             .collect()
     }
 
-    /// Takes one step in the channels that exceed the tolerance; false if K turns out not to be positive definite.
+    /// Makes one step in the channels that exceed the tolerance; false if K turns out not to be positive definite.
     fn step(&mut self, excess: &[f64]) -> bool {
         if self.is_spent {
             self.turn(excess);
@@ -183,7 +183,7 @@ impl<'a> State<'a> {
         let minus_alpha: Vec<f64> = alpha.iter().map(|a| -a).collect();
         add_scaled(&mut self.residual, &minus_alpha, &self.product);
         if let Some(deflation) = &self.deflation {
-            // Nothing but rounding, unless K is not quite symmetric.
+            // Only rounding, unless K is not quite symmetric.
             let moving: Vec<bool> = (0..alpha.len()).map(|c| self.moves(excess, c)).collect();
             deflation.solve(&mut self.x, &mut self.residual, |c| moving[c]);
         }
@@ -219,7 +219,7 @@ impl Iteration for State<'_> {
         radiosity
     }
 
-    /// Begins anew from x, of which `truth.irradiance` = F B is known: g − K x = ρ^½ F B − x.
+    /// Restarts from x, of which `truth.irradiance` = F B is known: g − K x = ρ^½ F B − x.
     fn restart(&mut self, truth: &TrueResidual, excess: &[f64]) {
         let terms = self.root.values().iter().zip(self.x.values());
         let residuals = self.residual.values_mut().iter_mut();

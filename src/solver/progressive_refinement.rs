@@ -20,28 +20,28 @@ use crate::setting::{Kind, Setting, Value};
 
 /// Progressive refinement, all channels together.
 ///
-/// With shot radiosities B̂ and unshot ones ΔB = E − (I − diag(ρ) F) B̂, a step takes the patch i of the greatest |ΔB_i| A_i, and
+/// With shot radiosities B̂ and unshot ones ΔB = E − (I − diag(ρ) F) B̂, a step chooses the patch i of the greatest |ΔB_i| A_i, and
 ///
 /// B̂_i ← B̂_i + ΔB_i, then ΔB_i ← 0, then ΔB_j ← ΔB_j + ρ_j F_ji ΔB_i(old) for all j.
 ///
-/// B = B̂ + ΔB is what is returned and recorded. The powers of several channels are added up, each in units of its greatest exitance, so that all channels
+/// B = B̂ + ΔB is returned and recorded. The powers of several channels are added up, each in units of its greatest exitance, so that all channels
 /// share the steps. A tree of winners finds the patch; a step costs O(k log n) where column i has k entries, and O(n) where it is full.
 /// Columns come from rows by reciprocity, F_ji = F_ij A_i / A_j, where A_i F_ij is symmetric; of other form factors a transposed copy is made,
 /// 12 bytes an entry and two passes, which count as work.
 ///
-/// [`steps_per_pass`](Self::steps_per_pass) steps count as one pass; by default n, the work of one pass over F, and at most 16 n, as the caller is asked only
-/// between passes whether to go on. The patience of
-/// [`SolveOptions::patience`] is in n steps always, and counts those in which the unshot power Σ A |ΔB| has not fallen: each step uses some of it up, while the
+/// [`steps_per_pass`](Self::steps_per_pass) steps count as one pass; by default n, the work of one pass over F, and at most 16 n, as the caller can stop it
+/// only between passes. The patience of
+/// [`SolveOptions::patience`] is in n steps always, and counts those in which the unshot power Σ A |ΔB| has not fallen: each step lowers it, while the
 /// residual's norm may rise for long, as power goes from large patches to small ones. A single channel with the tolerance
-/// [`Tolerance::ResidualMaxPower`] stops at the very step after which ΔB meets it, other tolerances are looked at after each pass. ΔB, kept up from step
+/// [`Tolerance::ResidualMaxPower`] stops at the very step after which ΔB meets it, other tolerances are tested after each pass. ΔB, updated from step
 /// to step, is the estimate in the history: it is the residual of B̂, while B is one reflection further. Where patches differ much in size B may not meet the tolerance
-/// then, as a large one collects what many small ones have left: the steps go on, to a ΔB as much smaller. [`Start::Zero`] is the same as
+/// then, as a large one collects the rests of many small ones: the steps go on, to a ΔB as much smaller. [`Start::Zero`] is the same as
 /// [`Start::Exitance`]: B̂ = 0 and ΔB = E.
 ///
-/// [`Solution::display`](super::Solution::display) is B_i + ρ_i Ambient, with Ambient the even irradiance that the unshot light ends as: it emits, absorbs and lets out as much power
+/// [`Solution::display`](super::Solution::display) is B_i + ρ_i Ambient, with Ambient the final even irradiance of the unshot light: it emits, absorbs and lets out as much power
 /// as the solution, at every step. [`Solution::selections`](super::Solution::selections) holds the number of shots of each patch.
 ///
-/// Converges where all ρ_i Σ_j F_ij < 1: every step takes power out of ΔB. It slows down like 1 / (1 − ρ).
+/// It converges where all ρ_i Σ_j F_ij < 1: every step takes power out of ΔB. It slows down like 1 / (1 − ρ).
 ///
 /// Memory: 3 vectors and the tree. Work: n steps read as much of F as one application. From a disk each step reads a band of 64 rows, up to 64 times as much.
 /// Source: Baranoski, Bramley and Shirley 1995, section 1.2 and equation (9). Departures: F_ii ≠ 0 is allowed; the display estimate adds the ambient
@@ -101,10 +101,10 @@ impl Solver for ProgressiveRefinement {
     }
 }
 
-/// The most passes' work in steps that count as one pass: a pass cannot be interrupted.
+/// The most passes' work in steps that count as one pass, which cannot be interrupted.
 const MAX_PASSES_IN_ONE: usize = 16;
 
-/// Light that is shot patch by patch: what this method and [`Overshooting`](super::Overshooting) share.
+/// Light that is shot patch by patch, for this method and [`Overshooting`](super::Overshooting).
 pub(super) struct Light<'a> {
     pub(super) scaled: &'a Scaled<'a>,
     pub(super) columns: &'a Columns<'a>,
@@ -113,10 +113,10 @@ pub(super) struct Light<'a> {
     pub(super) shot: Block,
     /// ΔB.
     pub(super) unshot: Block,
-    /// How often each patch has shot.
+    /// The number of shots of each patch.
     pub(super) selections: Vec<u64>,
     pub(super) steps_per_pass: usize,
-    /// The power, in solver units, at which a pass ends early: where there is one channel and it is what the tolerance is about.
+    /// The power, in solver units, at which a pass ends early: for one channel with a tolerance on power.
     pub(super) enough: Option<f64>,
     /// Steps of the last pass.
     pub(super) n_steps: usize,
@@ -125,7 +125,7 @@ pub(super) struct Light<'a> {
 }
 
 impl<'a> Light<'a> {
-    /// `began` is when the columns were begun.
+    /// Prepares the light; `began` is the time at which the columns were begun.
     pub(super) fn new(
         began: Instant,
         scaled: &'a Scaled<'a>,
@@ -168,7 +168,7 @@ impl<'a> Light<'a> {
         }
     }
 
-    /// Returns options with the patience in passes of n steps changed to one in passes of ours.
+    /// Returns options with the patience converted from passes of n steps to passes of this method.
     pub(super) fn options<'o>(&self, options: &SolveOptions<'o>) -> SolveOptions<'o> {
         let passes = self.unshot.n_rows().div_ceil(self.steps_per_pass);
         SolveOptions {
@@ -211,7 +211,7 @@ impl<'a> Light<'a> {
         radiosity
     }
 
-    /// Begins anew from B, the radiosities that `truth` is of: they count as shot, and their residual, `excess` times what the tolerance allows, as unshot.
+    /// Restarts from B, the radiosities of `truth`: they count as shot, and their residual, `excess` times the tolerance, as unshot.
     pub(super) fn restart(&mut self, truth: &TrueResidual, excess: &[f64]) {
         self.shot = self.radiosity();
         self.unshot.clone_from(&truth.residual);
@@ -263,7 +263,7 @@ impl Iteration for Shooting<'_> {
             }
             light.copy_from_slice(self.light.unshot.row(i));
             let (powers, areas) = (&mut self.powers, &self.light.scaled.areas);
-            // The patch itself may be among those that receive, or not.
+            // The patch itself may or may not be among the receivers.
             powers.set(i, 0.0);
             self.light.shoot(i, &light, |j, _, unshot| {
                 let sum: f64 = unshot.iter().map(|b| b.abs()).sum();

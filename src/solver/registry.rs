@@ -32,7 +32,7 @@ pub const SOLVERS: &[&SolverEntry] = &[
 /// Returns the solver of a name with the given settings.
 ///
 /// # Errors
-/// [`SolverError::UnknownSolver`], or [`SolverError::UnusedSetting`] if a setting is given that the solver has no use for.
+/// [`SolverError::UnknownSolver`], or [`SolverError::UnusedSetting`] if a setting is given that the solver does not use.
 pub fn solver(name: &str, settings: &SolverSettings) -> Result<Box<dyn Solver>, SolverError> {
     by_name(name)?.checked(settings)
 }
@@ -59,7 +59,7 @@ impl SolverEntry {
     /// Returns the solver with the given settings.
     ///
     /// # Errors
-    /// [`SolverError::UnusedSetting`] if a setting is given that the solver has no use for.
+    /// [`SolverError::UnusedSetting`] if a setting is given that the solver does not use.
     pub fn checked(&self, settings: &SolverSettings) -> Result<Box<dyn Solver>, SolverError> {
         if let Some(unused) = settings.values.unused(self.settings) {
             let uses = |solver: &&SolverEntry| solver.settings.iter().any(|used| used.setting.name == unused.name);
@@ -78,10 +78,10 @@ impl SolverEntry {
         (self.symmetry)(&SolverSettings::default()) == Symmetry::Needed
     }
 
-    /// Returns the solver with the given settings; those that it has no use for are passed over.
+    /// Returns the solver with the given settings; those that it does not use are ignored.
     ///
     /// # Panics
-    /// If a setting without which there is no such solver is missing.
+    /// If a setting that the solver needs is missing.
     #[must_use]
     pub fn build(&self, settings: &SolverSettings) -> Box<dyn Solver> {
         let resolved = SolverSettings {

@@ -1,4 +1,4 @@
-//! The system in the units in which solvers calculate, and its residual.
+//! The system in the units of the solvers, and its residual.
 
 use std::borrow::Cow;
 
@@ -10,7 +10,7 @@ use crate::matrix::operator::{Block, RowAccess};
 use crate::matrix::roundings;
 
 /// A system in units near its greatest area and, per channel, its greatest exitance. The units are powers of two, so
-/// that radiosities scale back exactly, and so that squares stay in range whatever units the scene is modelled in.
+/// that radiosities scale back exactly, and squares stay in range whatever the units of the scene are.
 pub(super) struct Scaled<'a> {
     pub(super) system: &'a RadiositySystem<'a>,
     /// A.
@@ -19,16 +19,16 @@ pub(super) struct Scaled<'a> {
     pub(super) exitance: Block,
     /// sqrt(Σ A E²) of each channel.
     exitance_l2: Vec<f64>,
-    /// `None` where all patches are in one room.
+    /// `None` where all patches are in one enclosure.
     rooms: Option<Rooms<'a>>,
 }
 
-/// The patches room by room (component by component): between them no light passes.
+/// The patches by connected component: no light passes between two of these.
 struct Rooms<'a> {
     labels: &'a [u32],
-    /// max |E| over each room, \[rooms, c\].
+    /// max |E| over each component, \[components, c\].
     units: Block,
-    /// sqrt(Σ A E²) over each room in its unit, \[rooms, c\]; 0 where it emits nothing.
+    /// sqrt(Σ A E²) over each component in its unit, \[components, c\]; 0 where it emits nothing.
     exitance_l2: Block,
 }
 
@@ -55,7 +55,7 @@ impl<'a> Rooms<'a> {
         Some(rooms)
     }
 
-    /// Returns sqrt(Σ A x²) over each room in its unit; 0 where it emits nothing.
+    /// Returns sqrt(Σ A x²) over each component in its unit; 0 where it emits nothing.
     fn l2(&self, areas: &[f64], x: &Block) -> Block {
         let mut sums = Block::zeros(self.units.n_rows(), x.n_channels());
         for (i, (&label, area)) in self.labels.iter().zip(areas).enumerate() {
@@ -70,7 +70,7 @@ impl<'a> Rooms<'a> {
         sums
     }
 
-    /// Returns the greatest of the relative norms of the rooms that emit, for each channel, and of `least`; not a number where one is not.
+    /// Returns for each channel the greatest of the relative norms of the components that emit, and of `least`; NaN where one is NaN.
     fn worst(&self, areas: &[f64], residual: &Block, least: &[f64]) -> Vec<f64> {
         let norms = self.l2(areas, residual);
         let mut greatest = least.to_vec();
@@ -91,7 +91,7 @@ impl<'a> Rooms<'a> {
     }
 }
 
-/// The figures that follow from the radiosities alone.
+/// The residual and the irradiance of given radiosities.
 pub(super) struct TrueResidual {
     /// r = E − B + ρ H.
     pub(super) residual: Block,
@@ -102,7 +102,7 @@ pub(super) struct TrueResidual {
     pub(super) is_sharp: bool,
 }
 
-/// The share of the tolerance that rounding in the residual may take unnoticed.
+/// The share of the tolerance that rounding in the residual may have without more digits.
 const UNNOTICED: f64 = 0.1;
 
 impl<'a> Scaled<'a> {
@@ -130,12 +130,12 @@ impl<'a> Scaled<'a> {
         Block::zeros(self.system.n_patches(), self.system.n_channels())
     }
 
-    /// Returns whether a channel emits nothing: then it has no light.
+    /// Returns whether a channel emits nothing, and so has no light.
     pub(super) fn is_dark(&self, channel: usize) -> bool {
         self.exitance_l2[channel] <= 0.0
     }
 
-    /// Takes the mean out of `radiosity` in components whose mean is undetermined; returns whether there are any.
+    /// Removes the mean from `radiosity` in components whose mean is undetermined; returns whether there are any.
     pub(super) fn remove_free_means(&self, radiosity: &mut Block) -> bool {
         let mut any = false;
         for c in 0..self.system.n_channels() {
@@ -176,11 +176,11 @@ impl<'a> Scaled<'a> {
         }
     }
 
-    /// Returns the residual of `radiosity` as surely as a verdict on the tolerance needs it.
+    /// Returns the residual of `radiosity` accurately enough to decide on the tolerance.
     ///
-    /// In bright rooms r is the difference of numbers that are far greater, and what is left of it may be rounding, or be rounded to 0. Where it meets the tolerance and rounding, about
-    /// (max(16 n^½, n / 8) + 70)^½ 2⁻⁵³ (|E| + |B| + ρ |H|), is above a tenth of that, r is calculated anew with sums and products in twice the digits, row by row. Where rows
-    /// cannot be had, rounding is added to the norms.
+    /// In bright rooms r is the difference of far greater numbers, and may be rounding, or be rounded to 0. Where it meets the tolerance and rounding, about
+    /// (max(16 n^½, n / 8) + 70)^½ 2⁻⁵³ (|E| + |B| + ρ |H|), is above a tenth of that, r is calculated anew with sums and products in twice the digits, row by row. Without
+    /// rows, rounding is added to the norms.
     /// Source: for the size of rounding, Higham and Mary, "A new approach to probabilistic rounding error analysis", SIAM J. Sci. Comput. 41 (2019).
     pub(super) fn sharpened(&self, tolerance: Tolerance, radiosity: &Block, truth: TrueResidual) -> TrueResidual {
         let is_met = |norms: &Norms, limit: f64| worst(&tolerance.excess(norms)) <= limit;
@@ -233,7 +233,9 @@ impl<'a> Scaled<'a> {
         })
     }
 
-    /// Returns |E| + |B| + ρ F |B|, what the rounding of a residual goes by. `irradiance` is F B; where B has both signs, the row sum times the greatest |B| takes its place.
+    /// Returns |E| + |B| + ρ F |B|, to which the rounding of a residual is proportional.
+    ///
+    /// `irradiance` is F B; where B has both signs, the row sum times the greatest |B| replaces it.
     pub(super) fn sizes(&self, radiosity: &Block, irradiance: &Block) -> Block {
         let system = self.system;
         let mut sizes = self.exitance.clone();
@@ -286,7 +288,7 @@ impl<'a> Scaled<'a> {
             // One after the other: their product alone may be out of range.
             max_power[c] = max_power[c] * self.system.area_unit() * unit;
             if norm.is_nan() {
-                // f64::max passes over what is not a number; the sum of squares does not.
+                // f64::max ignores NaN; the sum of squares does not.
                 max[c] = f64::NAN;
                 max_power[c] = f64::NAN;
             } else if *norm > 0.0 {
@@ -319,7 +321,7 @@ impl<'a> Scaled<'a> {
 
 /// Returns max A |r|, max |r| and Σ r².
 fn magnitudes(areas: &[f64], residual: &[f64]) -> [f64; 3] {
-    /// Sums and maxima that do not wait for one another.
+    /// The number of independent sums and maxima.
     const LANES: usize = 8;
     let mut found = [[0.0_f64; LANES]; 3];
     let mut add = |lane: usize, area: f64, r: f64| {

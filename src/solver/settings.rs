@@ -5,7 +5,7 @@ use std::sync::Arc;
 use crate::mesh::Hierarchy;
 use crate::setting::{Setting, Value, Values};
 
-/// The values given to a solver; its own defaults stand for those that are not.
+/// The values given to a solver; the others have its own defaults.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SolverSettings {
     /// The values by setting.

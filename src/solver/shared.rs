@@ -4,14 +4,14 @@ use crate::matrix::DiskError;
 use crate::matrix::operator::{Block, Components, LinearOperator, RowAccess};
 use crate::ranks::Ranks;
 
-/// Form factors that all ranks hold, and apply together: to the bytes of a single rank.
+/// Form factors that all ranks hold, and apply together to the bytes of a single rank.
 pub(crate) struct SharedPasses<'a> {
     factors: &'a dyn LinearOperator,
     ranks: &'a dyn Ranks,
 }
 
 impl<'a> SharedPasses<'a> {
-    /// Each rank is to apply them in the same order as the others.
+    /// Wraps form factors; each rank must apply them in the same order as the others.
     pub(crate) fn new(factors: &'a dyn LinearOperator, ranks: &'a dyn Ranks) -> Self {
         Self { factors, ranks }
     }

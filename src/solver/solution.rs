@@ -13,7 +13,7 @@ use super::system::{RadiositySystem, expect_readable};
 use super::vectors::relative_errors;
 use crate::matrix::operator::Block;
 
-/// Radiosities, and how good they are.
+/// Radiosities, with their residuals and error bounds.
 #[derive(Clone, Debug)]
 pub struct Solution {
     /// B, W·m⁻², \[n, c\].
@@ -39,19 +39,19 @@ pub struct Solution {
     pub error_bound: Option<f64>,
     /// The same figures for each channel by itself.
     pub channels: Vec<ChannelQuality>,
-    /// The history, pass by pass; the last entry holds the true residual of what is returned.
+    /// The history, pass by pass; the last entry holds the true residual of the returned radiosities.
     pub history: Vec<HistoryEntry>,
-    /// B with an estimate of the light that is still under way, W·m⁻², \[n, c\], for pictures before convergence; where the solver has one.
+    /// B with an estimate of the unshot light, W·m⁻², \[n, c\], for images before convergence; `None` for solvers without one.
     pub display: Option<Block>,
-    /// How often each patch was selected, \[n\], in solvers that select; else empty. Their sum is the number of steps.
+    /// The number of times that each patch was selected, \[n\], in solvers that select; otherwise empty. Their sum is the number of steps.
     pub selections: Vec<u64>,
-    /// Where the light goes, channel by channel.
+    /// The power balance, channel by channel.
     pub energy: Vec<Energy>,
     /// The solver that [`Auto`](super::Auto) chose; `None` for the others.
     pub choice: Option<Choice>,
 }
 
-/// How good one channel of a [`Solution`] is. The channels of a system know nothing of each other.
+/// The residuals and the error bound of one channel of a [`Solution`]; channels of a system are independent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelQuality {
     /// [`StopReason::Converged`] where this channel meets the tolerance, whatever the others do.
@@ -65,7 +65,7 @@ pub struct ChannelQuality {
 }
 
 impl ChannelQuality {
-    /// Of a channel in which nothing reflects.
+    /// The quality of a channel in which nothing reflects.
     const EXACT: Self = Self {
         stop_reason: StopReason::Converged,
         residual_l2: 0.0,
@@ -73,7 +73,7 @@ impl ChannelQuality {
         error_bound: Some(0.0),
     };
 
-    /// Returns what holds of several channels together; where some did not converge, it is for the reason of `all`.
+    /// Returns the quality of several channels together; where some did not converge, the stop reason is that of `all`.
     pub(crate) fn of_all(channels: &[Self], all: StopReason) -> Self {
         let worst_of = |norm: fn(&Self) -> f64| worst(&channels.iter().map(norm).collect::<Vec<_>>());
         let converged = channels.iter().all(|own| own.stop_reason == StopReason::Converged);
@@ -89,7 +89,7 @@ impl ChannelQuality {
 }
 
 impl Solution {
-    /// Returns the name of the solver that did the work: the one that [`Auto`](super::Auto) chose, or `asked`, the one that was asked for.
+    /// Returns the name of the solver that did the work: the one that [`Auto`](super::Auto) chose, or the one `asked` for.
     #[must_use]
     pub fn solver_name<'a>(&self, asked: &'a str) -> &'a str {
         self.choice.as_ref().map_or(asked, |choice| choice.solver)
@@ -97,7 +97,7 @@ impl Solution {
 
     /// Returns the solution of a scene in which nothing reflects: B = E, exactly, whatever F is.
     ///
-    /// The irradiance, which plays no part in it, is left at 0, and the energy empty. `exitance`: E, W·m⁻², \[n, c\]. Departures: none.
+    /// The irradiance, which has no effect here, is left at 0, and the energy empty. `exitance`: E, W·m⁻², \[n, c\]. Departures: none.
     #[must_use]
     pub fn without_reflection(exitance: Block) -> Self {
         Self {
@@ -120,7 +120,7 @@ impl Solution {
         }
     }
 
-    /// Returns what of the solution belongs to some of the channels. The passes, and what happened in them, are those of all together.
+    /// Returns the part of the solution for some of the channels; the passes and the history are those of all together.
     #[must_use]
     pub fn of_channels(&self, own: Range<usize>) -> Self {
         let channels = self.channels[own.clone()].to_vec();
@@ -158,7 +158,7 @@ impl Solution {
         Block::from_values(values.map(|(b, e)| b - e).collect(), exitance.n_channels())
     }
 
-    /// Returns ρ H, what surfaces reflect of the irradiance, W·m⁻², \[n, c\]: B − E up to the residual. `reflectance`: ρ.
+    /// Returns ρ H, the irradiance that surfaces reflect, W·m⁻², \[n, c\]: B − E up to the residual. `reflectance`: ρ.
     #[track_caller]
     pub(super) fn sent_on(&self, reflectance: &Block) -> Block {
         let shape = |block: &Block| (block.n_rows(), block.n_channels());
@@ -171,9 +171,10 @@ impl Solution {
         Block::from_values(values.map(|(h, rho)| rho * h).collect(), reflectance.n_channels())
     }
 
-    /// Returns the greatest bound on the error of a channel relative to the light that is reflected, ‖B − B*‖ / ‖ρ H‖ with ‖x‖² = Σ A x²: what the [`error_bound`](Self::error_bound) means for a room whose
-    /// small, bright lamps have nearly all of the norm of B. It is of the light that these radiosities would send on, ρ H, not of B − E, which is nothing where the solver had met its tolerance before its
-    /// first pass. `None` where a bound is not known; 0 where nothing is reflected. `system`: that which was solved. Departures: none.
+    /// Returns the greatest bound, over the channels, of the error relative to the reflected light, ‖B − B*‖ / ‖ρ H‖ with ‖x‖² = Σ A x².
+    ///
+    /// It gives the [`error_bound`](Self::error_bound) a meaning for a room whose small, bright lamps have nearly all of the norm of B. It is relative to the light that these radiosities would send on, ρ H, as B − E
+    /// is nothing where the solver had met its tolerance before its first pass. `None` where a bound is not known; 0 where nothing is reflected. `system`: the one that was solved. Departures: none.
     ///
     /// # Panics
     /// If the shapes differ.
@@ -190,7 +191,7 @@ impl Solution {
         bounds.try_fold(0.0, |most: f64, bound| Some(most.max(bound?)))
     }
 
-    /// Counts the solution as converged, for a caller to whom its residual suffices.
+    /// Marks the solution as converged, for a caller that accepts its residual.
     pub(crate) fn accept(&mut self) {
         self.stop_reason = StopReason::Converged;
         for own in &mut self.channels {
@@ -198,13 +199,14 @@ impl Solution {
         }
     }
 
-    /// Separates the power that back faces absorb from the power that escapes, in [`energy`](Self::energy), before anything else than B stands in `radiosity`. `areas`: A, m², \[n\]; `backs`: the fraction of
-    /// the light of each patch that backs take, \[n\].
+    /// Separates the power that back faces absorb from the power that escapes, in [`energy`](Self::energy).
+    ///
+    /// `radiosity` must still be B. `areas`: A, m², \[n\]; `backs`: the fraction of the light of each patch that back faces absorb, \[n\].
     ///
     /// # Panics
     /// If the lengths differ.
     #[track_caller]
-    pub fn tell_backs_apart(&mut self, areas: &[f64], backs: &[f64]) {
+    pub fn split_escaped_by_backs(&mut self, areas: &[f64], backs: &[f64]) {
         let n = self.radiosity.n_rows();
         assert_eq!([areas.len(), backs.len()], [n; 2], "one number per patch");
         for (c, energy) in self.energy.iter_mut().enumerate() {
@@ -227,8 +229,9 @@ impl Solution {
         residual
     }
 
-    /// Returns the solution with [`display`](Self::display), where there is any, in the place of B, and with the irradiance, the residuals, the bound and the energy of that. Why the solver stopped
-    /// and what happened on the way are as before. A solution that has converged stays as it is where the estimate is further from it. `system`: that which was solved; one pass over F.
+    /// Returns the solution with [`display`](Self::display), where there is any, in place of B, and with its irradiance, residuals, bound and energy.
+    ///
+    /// The stop reason and the history stay. A solution that has converged stays unchanged where the estimate is further from it. `system`: the one that was solved; one pass over F.
     ///
     /// # Errors
     /// [`SolverError::Disk`] if F cannot be read.
@@ -258,8 +261,8 @@ impl Solution {
         })
     }
 
-    /// Puts a solution together. `truth` belongs to `radiosity`, in solver units; `gave_up` is the reason why the solver stopped
-    /// where it did not reach the tolerance. Fails if F could not be read.
+    /// Makes a solution. `truth` belongs to `radiosity`, in solver units; `gave_up` is the reason why the solver stopped
+    /// without reaching the tolerance. Fails if F could not be read.
     pub(super) fn new(
         scaled: &Scaled,
         radiosity: Block,
@@ -276,7 +279,7 @@ impl Solution {
         let mut possible = vec![true; n_channels];
         for (k, b) in radiosity.values().iter().enumerate() {
             let c = k % n_channels;
-            // In the unit of the exitance, out of range in its own.
+            // In the unit of the exitance; out of range in its own.
             let is_light = (b * scaled.system.exitance_units()[c]).is_finite() && (signed || *b >= 0.0 || !met);
             possible[c] &= is_light;
         }
@@ -295,7 +298,7 @@ impl Solution {
             }
         };
         let channels = qualities(scaled, &radiosity, &truth, of_channel);
-        // Whatever went wrong on the way, nothing that rests on it is returned.
+        // After any failure, no result that depends on it is returned.
         expect_readable(scaled.system.operator())?;
         let quality = ChannelQuality::of_all(&channels, stop_reason);
         let (radiosity, irradiance) = (scaled.to_si(radiosity), scaled.to_si(truth.irradiance));
@@ -320,7 +323,7 @@ impl Solution {
     }
 }
 
-/// Returns what holds of each channel of radiosities in solver units; `stop_reason` is the reason why the work on it ended.
+/// Returns the quality of each channel of radiosities in solver units; `stop_reason` is the reason why its work ended.
 fn qualities(
     scaled: &Scaled,
     radiosity: &Block,

@@ -11,12 +11,14 @@ use crate::matrix::operator::Block;
 /// The settings of all solvers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolveOptions<'a> {
-    /// The norm that must become small, and how small.
+    /// The norm that must become small, and its limit.
     pub tolerance: Tolerance,
-    /// Passes that may be spent; each reads all of F once.
+    /// The most passes; each reads all of F once.
     pub max_passes: usize,
-    /// Passes without a new least residual after which the solver gives up: as [`StopReason::Diverged`](super::StopReason::Diverged) if the residual
-    /// rose in each of the last half of them, else as [`StopReason::Stagnated`](super::StopReason::Stagnated). At least 1. They are counted anew while the residual has fallen in each of the last half of them, or
+    /// Passes without a new least residual after which the solver gives up, at least 1.
+    ///
+    /// It stops as [`StopReason::Diverged`](super::StopReason::Diverged) if the residual
+    /// rose in each of the last half of them, otherwise as [`StopReason::Stagnated`](super::StopReason::Stagnated). They are counted anew while the residual has fallen in each of the last half of them, or
     /// risen less and less: near ρ = 1 sweeps raise it before they lower it.
     pub patience: usize,
     /// The first radiosities.
@@ -57,7 +59,7 @@ pub trait Solver: Sync {
     /// Solves for the radiosities.
     ///
     /// `monitor` is called after every pass, and once more for a pass after which the true residual replaces an estimate;
-    /// if it breaks, the solver checks what it has and returns it.
+    /// if it breaks, the solver computes the residual of its radiosities and returns them.
     /// Not converging is not an error: see [`Solution::stop_reason`].
     ///
     /// # Errors

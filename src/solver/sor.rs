@@ -1,4 +1,4 @@
-//! `sor`: Gauss-Seidel that goes further in the direction of every update.
+//! `sor`: Gauss-Seidel with steps longer by a factor ω.
 
 use super::ambient::Ambient;
 use super::entry::{SolverEntry, Symmetry};
@@ -17,7 +17,7 @@ use crate::setting::{Kind, Setting, Value};
 /// B_i ← (1 − ω) B_i + ω (E_i + ρ_i Σ_{j≠i} F_ij B_j) / (1 − ρ_i F_ii), i = 1 ... n in patch order with the newest B_j; ω = 1 is Gauss-Seidel.
 ///
 /// Where A_i F_ij is symmetric it converges for every ω in (0, 2) if the system is positive definite (Ostrowski and Reich); for other form factors the
-/// theory of M-matrices promises that for ω ≤ 1 alone. Estimates, rows and determinism are as in [`GaussSeidel`](super::GaussSeidel).
+/// theory of M-matrices guarantees that for ω ≤ 1 alone. Estimates, rows and determinism are as in [`GaussSeidel`](super::GaussSeidel).
 ///
 /// The default is ω(ρ) with ρ = Σ A ρ s / Σ A of each connected component and channel, s_i = Σ_j F_ij:
 ///
@@ -25,7 +25,7 @@ use crate::setting::{Kind, Setting, Value};
 ///
 /// It is the best ω of a room in which all patches see all alike, F_ij = A_j / Σ A, as n → ∞: the one slow mode of a sweep has the
 /// factor z with ln z = ω ρ (z − 1) / (z − 1 + ω), all others have 1 − ω, and with z = ω − 1 both fall equally fast, by about
-/// 1 − sqrt(6 (1 − ρ)) a pass where ρ is near 1; with ω = 1 it would be 1 − 2 (1 − ρ). A room that loses nothing has no slow mode to solve for, as its mean is free, and gets ω = 1.
+/// 1 − sqrt(6 (1 − ρ)) a pass where ρ is near 1; with ω = 1 it would be 1 − 2 (1 − ρ). A room that loses nothing has no slow mode, as its mean is free, and gets ω = 1.
 ///
 /// In the six cases of the paper's table 2 it takes 3, 4, 7, 10, 7 and 9 passes for Gauss-Seidel's 3, 5, 12, 25, 13 and 27, and ends with a fifth of the error or less from
 /// case C on (`radiosity reproduce baranoski --tables 2`).

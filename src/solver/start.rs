@@ -1,4 +1,4 @@
-//! Where solvers start.
+//! The start of a solver.
 
 use serde::Serialize;
 
@@ -44,7 +44,7 @@ impl Start {
         radiosity
     }
 
-    /// Returns the irradiance h in B = E + diag(ρ) h that the start amounts to (for [`Start::Zero`] after one reflection).
+    /// Returns the irradiance h of the start written as B = E + diag(ρ) h (for [`Start::Zero`] after one reflection).
     pub(super) fn irradiance(self, scaled: &Scaled) -> Block {
         match self {
             Self::Exitance | Self::Zero => scaled.zeros(),

@@ -1,4 +1,4 @@
-//! When a solver stops.
+//! The decision to stop a solver.
 
 use std::fmt;
 
@@ -11,7 +11,7 @@ use super::error::SolverError;
 pub(super) struct Norms {
     /// sqrt(Σ A r² / Σ A E²); 0 where r and E are zero.
     pub(super) l2: Vec<f64>,
-    /// The greatest of the same over all patches and over each room that emits.
+    /// The greatest of the same over all patches and over each component that emits.
     pub(super) room_l2: Vec<f64>,
     /// max |r_i A_i|, W.
     pub(super) max_power: Vec<f64>,
@@ -38,8 +38,10 @@ impl Norms {
 /// The quantity that has to fall below a threshold, in every channel, with the residual r = E − (I − diag(ρ) F) B.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Tolerance {
-    /// sqrt(Σ A r² / Σ A E²), relative: neither the unit of length nor that of light matters. Over all patches, and over each set of them that exchanges light with no others: what a bright room
-    /// leaves unsolved may be all the light of a dim one beside it.
+    /// sqrt(Σ A r² / Σ A E²), relative: independent of the units of length and light.
+    ///
+    /// It holds over all patches, and over each set of them that exchanges light with no others: the unsolved part of a bright room
+    /// may be all the light of a dim one beside it.
     ResidualL2(f64),
     /// max |r_i A_i|, in W: Baranoski, Bramley and Shirley 1995, equation (25). Departures: none.
     ResidualMaxPower(f64),
@@ -69,7 +71,7 @@ impl Tolerance {
         }
     }
 
-    /// Returns by what factor each channel's residual exceeds the tolerance: at most 1 where it is met, infinity where it is not a number.
+    /// Returns the factor by which each channel's residual exceeds the tolerance: at most 1 where it is met, infinity for NaN.
     pub(super) fn excess(self, norms: &Norms) -> Vec<f64> {
         let measured = match self {
             Self::ResidualL2(_) => &norms.room_l2,
@@ -114,9 +116,9 @@ impl fmt::Display for StopReason {
 /// Growth of the residual, over its first value, that counts as divergence.
 const DIVERGED_FROM: f64 = 1e8;
 
-/// Watches the excess over the tolerance from pass to pass, channel by channel, or what a method lowers in its place.
+/// Watches the excess over the tolerance, or the method's own quantity that falls, from pass to pass and channel by channel.
 ///
-/// Channels are apart: one that stands still does not end the work on others.
+/// Channels are independent: one that stagnates does not end the work on others.
 pub(super) struct Watch {
     patience: usize,
     channels: Vec<Course>,
@@ -125,7 +127,7 @@ pub(super) struct Watch {
 /// The share of its mean rise a pass, in logarithms, below which the last rise of a run is one that slows down.
 const SLOWS: f64 = 0.5;
 
-/// How one channel has gone.
+/// The course of one channel.
 #[derive(Clone)]
 struct Course {
     limit: Option<f64>,
@@ -158,10 +160,10 @@ impl Course {
         },
     };
 
-    /// Takes in one pass, and returns the reason to give the channel up, if there is one.
+    /// Records one pass, and returns the reason to give the channel up, if there is one.
     ///
     /// The residual of a method that converges may first rise, and fall for long before it is below its first value: sweeps near ρ = 1 do. Runs of falls, and of rises that slow down, are
-    /// no standing still; what diverges rises by the same factor again and again.
+    /// no stagnation; a diverging residual rises by the same factor again and again.
     fn observe(&mut self, excess: f64, under_way: Option<f64>, patience: usize) -> Option<StopReason> {
         let limit = *self.limit.get_or_insert(DIVERGED_FROM * excess.max(1.0));
         if !excess.is_finite() || excess > limit {
@@ -204,7 +206,7 @@ impl Course {
 }
 
 impl Run {
-    /// Returns whether the rise from `last` to `now`, the newest of the run, is much less than its mean one.
+    /// Returns whether the rise from `last` to `now`, the newest of the run, is much less than its mean rise.
     fn slows(self, last: f64, now: f64) -> bool {
         (now / last).ln() * (self.n_passes as f64) < SLOWS * (now / self.from).ln()
     }
@@ -218,8 +220,9 @@ impl Watch {
         }
     }
 
-    /// Records one pass, and returns a reason to give up: a channel that overflows, or no progress for long in any channel above the tolerance. `under_way` is what has to
-    /// fall, where it is not the excess.
+    /// Records one pass, and returns a reason to give up: a channel that overflows, or no progress for long in any channel above the tolerance.
+    ///
+    /// `under_way` is the quantity that has to fall, where it is not the excess.
     pub(super) fn observe(&mut self, excess: &[f64], under_way: Option<f64>) -> Option<StopReason> {
         self.channels.resize(excess.len(), Course::NEW);
         let mut all = Some(None);
@@ -243,7 +246,7 @@ impl Watch {
     }
 }
 
-/// Returns the greatest of some values that are not negative; not a number if any of them is not.
+/// Returns the greatest of some nonnegative values; NaN if any is NaN.
 pub(super) fn worst(values: &[f64]) -> f64 {
     let greater = |a: f64, b: f64| if b.is_nan() { b } else { a.max(b) };
     values
@@ -256,7 +259,7 @@ pub(super) fn worst(values: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Returns what the watch says of a sequence, and after how many.
+    /// Returns the verdict of the watch on a sequence, and its pass.
     fn verdict(patience: usize, excess: impl Fn(i32) -> f64) -> Option<(i32, StopReason)> {
         let mut watch = Watch::new(patience);
         (0..200).find_map(|k| watch.observe(&[2.0 * excess(k)], None).map(|reason| (k, reason)))
@@ -289,7 +292,7 @@ mod tests {
         // Neither up nor down for long enough.
         let waves = |k: i32| 1.0 + f64::from(k % 8 - 4).abs();
         assert_eq!(verdict(12, waves), Some((16, StopReason::Stagnated)));
-        // The residual's norm rises while light that is under way is used up.
+        // The residual's norm rises while the unshot light falls.
         let mut watch = Watch::new(3);
         assert!((0..100).all(|k| watch.observe(&[2.0 + f64::from(k)], Some(0.9_f64.powi(k))).is_none()));
     }

@@ -19,15 +19,15 @@ pub struct RadiositySystem<'a> {
     components: OnceLock<Components>,
     /// [`Self::greatest_mean_reflectances`].
     mean_reflectances: OnceLock<Vec<f64>>,
-    /// The units in which the solvers calculate: powers of two, so that changing to them and back is exact.
+    /// The units of the solvers: powers of two, so that changing to them and back is exact.
     units: Units,
     /// Whether exitances, and so radiosities, may be negative.
     signed: bool,
-    /// The components (in each channel) whose mean radiosity nothing determines.
+    /// The components (in each channel) whose mean radiosity is undetermined.
     singular: Vec<Vec<u32>>,
 }
 
-/// Scales near the greatest area and the greatest exitance of each channel: in these units nothing that matters under- or overflows when squared.
+/// Scales near the greatest area and the greatest exitance of each channel: in these units squares of relevant size neither under- nor overflow.
 #[derive(Clone, Debug)]
 struct Units {
     area: f64,
@@ -35,7 +35,7 @@ struct Units {
 }
 
 impl<'a> RadiositySystem<'a> {
-    /// Puts a system together and validates it; one pass over F.
+    /// Makes and validates a system; one pass over F.
     ///
     /// `operator`: F, \[n, n\]; `areas`: A, m², \[n\]; `reflectance`: ρ, \[n, c\]; `exitance`: E, W·m⁻², \[n, c\].
     ///
@@ -53,7 +53,7 @@ impl<'a> RadiositySystem<'a> {
         Self::build(operator, areas, reflectance, exitance, false)
     }
 
-    /// Puts a system together whose exitances may be negative, such as the difference of two lightings.
+    /// Makes a system whose exitances may be negative, such as the difference of two lightings.
     ///
     /// As [`new`](Self::new), except that a closed, white component is accepted where its exitances balance, Σ A E = 0 (to 1e-12 of Σ A |E|):
     /// its solution is then determined but for a constant, and solvers return the one with Σ A B = 0. Negative radiosities
@@ -70,7 +70,9 @@ impl<'a> RadiositySystem<'a> {
         Self::build(operator, areas, reflectance, exitance, true)
     }
 
-    /// Refuses the system where rows that are known to sum to 1 leave it without a finite solution, however inexact their sums are: the light that these lose or make is an error.
+    /// Refuses the system where rows that are known to sum to 1 leave it without a finite solution.
+    ///
+    /// That does not depend on their computed sums: the light that inexact sums lose or make is an error.
     ///
     /// `closed`: whether all light of a patch arrives at others, \[n\].
     ///
@@ -191,8 +193,10 @@ impl<'a> RadiositySystem<'a> {
         self.exitance.n_channels()
     }
 
-    /// Returns the sets of patches that exchange light, found on the first call; a single one where the operator does not tell, unless some patch reflects everything: then it matters
-    /// whether others that do not are in the same room, and the rows of the operator are gone through.
+    /// Returns the sets of patches that exchange light, found on the first call.
+    ///
+    /// There is a single set where the operator does not provide them. But if some patch reflects everything, it matters
+    /// whether other patches are in the same set, and the rows of the operator are read.
     pub fn components(&self) -> &Components {
         self.components.get_or_init(|| {
             let is_white = || self.reflectance.values().iter().any(|rho| *rho >= 1.0);
@@ -221,7 +225,7 @@ impl<'a> RadiositySystem<'a> {
         self.signed
     }
 
-    /// Returns the components whose mean radiosity nothing determines in a channel, as they are closed and white: solutions have a mean of zero there.
+    /// Returns the components whose mean radiosity is undetermined in a channel, as they are closed and white: solutions have a mean of zero there.
     pub fn singular_components(&self, channel: usize) -> impl Iterator<Item = u32> {
         self.singular.get(channel).into_iter().flatten().copied()
     }
@@ -268,7 +272,7 @@ impl<'a> RadiositySystem<'a> {
         })
     }
 
-    /// Finds the enclosures that cannot lose light; refuses those that gain any. Rows that are `closed` let nothing out, whatever their sum.
+    /// Finds the enclosures that cannot lose light, and refuses those that gain any. Rows that are `closed` let nothing out, whatever their sum.
     fn find_singular(&self, closed: impl Fn(usize) -> bool) -> Result<Vec<Vec<u32>>, SolverError> {
         let mut found = vec![Vec::new(); self.n_channels()];
         for (channel, singular) in found.iter_mut().enumerate() {
@@ -309,10 +313,10 @@ impl<'a> RadiositySystem<'a> {
     }
 }
 
-/// A sum of powers below this share of their sizes is zero but for rounding.
+/// The share of the sizes of powers below which their sum is rounding.
 const BALANCED_TO: f64 = 1e-12;
 
-/// Refuses to go on with what an operator returned after it could not be read.
+/// Returns the error of an operator that could not be read, whose results must not be used.
 pub(super) fn expect_readable(operator: &dyn LinearOperator) -> Result<(), SolverError> {
     operator.failure().map_or(Ok(()), |error| Err(error.clone().into()))
 }
@@ -325,8 +329,7 @@ fn expect_size(what: &'static str, expected: usize, found: usize) -> Result<(), 
     }
 }
 
-/// Returns the power of two just below the greatest size of some values, kept away from the ends of
-/// the range; 1 if all are zero.
+/// Returns the power of two just below the greatest size of some values, within limits of the range; 1 if all are zero.
 pub(crate) fn power_of_two_below(values: impl Iterator<Item = f64>) -> f64 {
     let max = values.map(f64::abs).fold(0.0, f64::max);
     if max > 0.0 {

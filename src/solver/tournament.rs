@@ -3,7 +3,7 @@
 /// Children of a node: one cache line of f64.
 const FAN: usize = 8;
 
-/// Numbers of which the greatest is asked for again and again: a tree of winners.
+/// Numbers of which the greatest is read repeatedly: a tree of winners.
 ///
 /// After k numbers have changed, finding the greatest takes O(min(k log n, n)).
 pub(super) struct Tournament {

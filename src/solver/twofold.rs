@@ -1,6 +1,6 @@
 //! Sums with twice the digits.
 
-/// A sum in two numbers, as if it had been calculated with twice the digits and then rounded.
+/// A sum in two numbers, as if calculated with twice the digits and then rounded.
 ///
 /// Source: Ogita, Rump and Oishi, "Accurate sum and dot product", SIAM J. Sci. Comput. 26 (2005), algorithms 3.1 (TwoSum), 3.3 (TwoProduct, here with a fused multiply-add) and 5.3 (Dot2).
 /// Departures: none. Accuracy: 2⁻⁵³ relative, and n² 2⁻¹⁰⁶ of the sum of the sizes of n terms.

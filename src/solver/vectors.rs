@@ -88,13 +88,13 @@ pub(super) fn equal_channels(reflectance: &Block) -> Vec<Vec<usize>> {
     groups
 }
 
-/// Returns sqrt(Σ A e² / Σ A B²) of each channel, 0 where that has no light; no number, or infinite, where nothing is known.
+/// Returns sqrt(Σ A e² / Σ A B²) of each channel; 0 where it has no light, NaN or infinite where the error is unknown.
 pub(crate) fn relative_errors(areas: &[f64], error: &Block, radiosity: &Block) -> Vec<f64> {
     let all: Vec<usize> = (0..radiosity.n_rows()).collect();
     relative_errors_of(&all, areas, error, radiosity)
 }
 
-/// Does what [`relative_errors`] does for some of the patches.
+/// Does the work of [`relative_errors`] for some of the patches.
 pub(super) fn relative_errors_of(patches: &[usize], areas: &[f64], error: &Block, radiosity: &Block) -> Vec<f64> {
     let norm = |block: &Block, c: usize| {
         let values = || patches.iter().map(|&i| (areas[i], block.row(i)[c].abs()));

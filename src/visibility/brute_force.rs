@@ -1,4 +1,4 @@
-//! The slow and plain answer, in f64: each ray against each face. The oracle that Embree is tested against.
+//! Ray queries by brute force in f64, each ray against each face: the oracle that Embree is tested against.
 
 use glam::DVec3;
 
@@ -10,7 +10,7 @@ use super::{Coherence, HitBatch, RayBatch, Visibility, to_f32};
 
 /// Tests each ray of a batch against each face of the scene in f64.
 ///
-/// The rays are those of the batch, that is, rounded to f32; the faces are not rounded at all. Accuracy: that of f64,
+/// The rays are those of the batch, that is, rounded to f32; the faces are not rounded. Accuracy: that of f64,
 /// a few 1e-16 of the largest coordinate. Cost: O(rays · faces).
 /// Departures: none.
 #[derive(Clone, Debug)]
@@ -30,7 +30,7 @@ struct Crossing {
 }
 
 impl BruteForce {
-    /// Takes over the faces of a scene.
+    /// Stores the faces of a scene.
     #[must_use]
     pub fn new(scene: &Scene) -> Self {
         let frame = Frame::of(scene);

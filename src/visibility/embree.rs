@@ -15,7 +15,7 @@ use super::{Coherence, HitBatch, RayBatch, Visibility, to_f32};
 /// The extents for which products of three coordinates, and of far smaller edges, stay within the range of f32.
 const EXTENTS: std::ops::RangeInclusive<f64> = 1e-8..=1e11;
 
-/// The extents of scenes that are scaled to 1 for the tracer: rays themselves stay within the range of f32.
+/// The extents of scenes that are scaled to 1 for the tracer: those of the rays, which stay within the range of f32.
 const SCALED_EXTENTS: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
 
 /// Traces the rays of a scene with Embree, in f32.
@@ -25,11 +25,11 @@ const SCALED_EXTENTS: std::ops::RangeInclusive<f64> = 1e-30..=1e30;
 /// √3 · 2⁻²⁴ L, with L the largest centred coordinate; this is the accuracy of all answers, along with a few 2⁻²⁴ of the
 /// distance for t.
 ///
-/// The [`offset`](Visibility::offset) is 3e-6 L: large enough that a patch does not shadow itself, and a wall that is
-/// thinner cannot be told from a sheet by segments between patches.
+/// The [`offset`](Visibility::offset) is 3e-6 L: large enough that a patch does not shadow itself. For segments between patches, a
+/// thinner wall is like a sheet.
 ///
 /// Two faces of opposite winding that coincide, even in part, are a two-sided sheet: the one that faces the ray's origin is reported,
-/// whichever of them Embree finds. Their distance may be up to 2⁻²² L, which is what f32 cannot resolve. Scenes without sheets pay nothing for this.
+/// whichever of them Embree finds. Their distance may be up to 2⁻²² L, which f32 cannot resolve. Scenes without sheets have no cost for this.
 ///
 /// A scene whose L is outside 1e-8 m to 1e11 m is traced at a scale, by a power of two, at which it is within: products of coordinates stay in the range of f32.
 ///
@@ -45,7 +45,7 @@ pub struct EmbreeVisibility {
     scale: Option<f32>,
 }
 
-/// Returns L, the largest absolute coordinate of a vertex in use after the scene's box is centred, in m; 0 for a scene without faces.
+/// Returns L, the largest absolute coordinate of a used vertex after the scene's box is centred, in m; 0 for a scene without faces.
 #[must_use]
 pub fn largest_coordinate(scene: &Scene) -> f64 {
     Frame::of(scene).largest
@@ -56,12 +56,12 @@ impl EmbreeVisibility {
     ///
     /// # Errors
     ///
-    /// [`EmbreeError::ExtentOutOfRange`] where L is outside 1e-30 m to 1e30 m, and all that [`Device::new`] and [`SceneBuilder`] report.
+    /// [`EmbreeError::ExtentOutOfRange`] where L is outside 1e-30 m to 1e30 m, and all errors of [`Device::new`] and [`SceneBuilder`].
     pub fn new(scene: &Scene) -> Result<Self, EmbreeError> {
         Self::on_device(&Device::new()?, scene)
     }
 
-    /// Builds the scene on a device that is open already.
+    /// Builds the scene on an open device.
     ///
     /// # Errors
     ///
@@ -102,7 +102,7 @@ impl EmbreeVisibility {
         })
     }
 
-    /// Returns rays as Embree is to trace them. Distances in units of a ray's direction stay the same.
+    /// Returns the rays as Embree traces them. Distances in units of a ray's direction stay the same.
     fn scaled<'r>(&self, rays: &'r RayBatch) -> Cow<'r, RayBatch> {
         let Some(scale) = self.scale else {
             return Cow::Borrowed(rays);
@@ -117,7 +117,7 @@ impl EmbreeVisibility {
 
     /// Returns the faces that are too small for f32: their corners are rounded to a point or a line, and no ray hits them.
     ///
-    /// Their neighbours still meet without a gap. None of an ordinary scene vanishes: the edges of such a face are shorter than 1.2e-7 L.
+    /// Their neighbours still meet without a gap. The edges of such a face are shorter than 1.2e-7 L, so that none of an ordinary scene vanishes.
     #[must_use]
     pub fn vanished_faces(&self) -> &[FaceId] {
         &self.vanished

@@ -8,7 +8,7 @@ use crate::geometry::sampling::{Frame, PointStream, Sequence, UniformOnPolygon, 
 use crate::scene::topology::{edge_runs, edges};
 use crate::scene::{FaceId, Scene, SurfaceId};
 
-/// Up to this many faces each is looked at by itself, beyond it each surface.
+/// The greatest number of faces that are searched one by one; more are searched by surface.
 const BY_FACE: usize = 2048;
 
 /// Rays for all faces or surfaces together, and the least and the most for each.
@@ -16,14 +16,14 @@ const RAYS: usize = 1 << 17;
 const MIN_RAYS: usize = 64;
 const MAX_RAYS: usize = 1024;
 
-/// Rays that must meet a back before it counts as seen: a single one may slip through the joint between two faces.
+/// The fewest rays that must meet a back face before it counts as seen: a single one may slip through the joint between two faces.
 const SEEN: u32 = 2;
 
-/// Pairs of faces that are looked at for one that faces each other, and segments that are traced between such.
+/// The most pairs of faces that are tested for facing each other, and the most segments that are traced between such pairs.
 const PAIRS: usize = 20_000_000;
 const SEGMENTS: usize = 4096;
 
-/// The height above a plane that counts as in it, by the size of the scene.
+/// The height above a plane that counts as in it, relative to the size of the scene.
 const FLAT: f64 = 1e-12;
 
 /// The signs of inverted normals.
@@ -31,7 +31,7 @@ const FLAT: f64 = 1e-12;
 pub struct Turned {
     /// The surface.
     pub surface: SurfaceId,
-    /// How many of its faces; all of them in a scene of very many faces.
+    /// The number of its faces with inverted normals; all of its faces in a scene of very many faces.
     pub n_faces: usize,
     /// The line of the first one.
     pub line: u32,
@@ -46,21 +46,23 @@ pub struct Facing {
     pub no_emitter_sees: bool,
     /// Faces that see no other face and whose back is seen, by surface; empty where no face sees another.
     pub turned: Vec<Turned>,
-    /// Surfaces that are concave from behind alone: their faces see no other and are not seen, but see each other's backs from their own. Surfaces around a solid are none.
+    /// Surfaces that are concave from behind alone: their faces see no other and are not seen, but their backs see each other.
+    ///
+    /// Surfaces around a solid are not among them.
     pub inside_out: Vec<SurfaceId>,
-    /// How many faces see only the backs of others (for a scene of very many: all faces of such surfaces).
+    /// The number of faces that see only the backs of others (for a scene of very many: all faces of such surfaces).
     pub n_see_only_backs: usize,
 }
 
-/// Finds faces that see none although others see their back, as a wall of a room does that is wound the wrong way.
+/// Finds faces that see no other although others see their back, as those of an enclosure's wall with inverted normals do.
 ///
-/// Rays leave every face on its front, cosine-distributed. A face is turned if none of its rays meets the front of a face, no ray from elsewhere meets its own front, and at
-/// least two meet its back. The outer side of a wall or of a box is not: it sees nothing, but nothing sees its back. Neither is a face that continues one that sees, as the roof of the
-/// highest house of a town does, whose back the ground sees within the walls. That no face sees any is said only
-/// after segments between faces that face each other were traced too, so that small faces far apart do see each other.
+/// Rays leave every face on its front, cosine-distributed. A face counts as inverted if none of its rays meets the front of a face, no ray from elsewhere meets its own front, and at
+/// least two meet its back. The outer side of a wall or of a box does not count: it sees nothing, but nothing sees its back. A face that continues one that sees does not count either, as the roof of the
+/// highest house of a town, whose back the ground sees within the walls. [`none_sees`](Facing::none_sees) is true only
+/// if segments between faces that face each other find none either, so that small faces far apart do see each other.
 ///
-/// Accuracy: what sees less than a thousandth of its hemisphere (a fiftieth, in scenes of thousands of faces) may count as seeing nothing.
-/// Work: [`RAYS`](self) rays, or 64 for each surface if these are more.
+/// Accuracy: a face that sees others in less than a thousandth of its hemisphere (a fiftieth, in scenes of thousands of faces) may count as one that sees nothing.
+/// Work: 2¹⁷ rays, or 64 for each surface if these are more.
 #[must_use]
 pub fn look(scene: &Scene, visibility: &dyn Visibility) -> Facing {
     if scene.faces.len() < 2 || is_flat(scene) {
@@ -114,9 +116,9 @@ pub fn look(scene: &Scene, visibility: &dyn Visibility) -> Facing {
     }
 }
 
-/// Returns the surfaces whose faces see nothing and are not seen, while rays from their backs meet more of their own backs than of all others.
+/// Returns the surfaces whose faces see nothing and are not seen, while rays from their backs meet their own backs more often than all others.
 ///
-/// Of a surface around a solid no ray from a back escapes, or it meets the backs of the solid's other sides.
+/// From a surface around a solid, rays from a back stay inside, or meet the backs of the solid's other sides.
 fn inside_out(scene: &Scene, visibility: &dyn Visibility, groups: &Groups, found: &Found) -> Vec<SurfaceId> {
     let mut of_surfaces: Vec<Vec<FaceId>> = vec![Vec::new(); scene.surfaces.len()];
     for (id, face) in scene.face_ids().zip(&scene.faces) {
@@ -177,7 +179,7 @@ fn turned_faces(scene: &Scene, groups: &Groups, found: &Found) -> Vec<FaceId> {
         .collect()
 }
 
-/// Returns whether all faces lie in one plane: turning them would make none see another.
+/// Returns whether all faces lie in one plane: then none would see another if some were turned.
 fn is_flat(scene: &Scene) -> bool {
     let first = scene.polygon(FaceId(0));
     let normal = polygon::area_vector(&first).normalize_or_zero();
@@ -218,14 +220,14 @@ impl Groups {
 struct Found {
     /// Whether a ray from the group met the front of a face.
     sees: Vec<bool>,
-    /// How many rays from the group met backs.
+    /// The number of rays from the group that met back faces.
     backs_seen: Vec<u32>,
     front_is_seen: Vec<bool>,
     back_hits: Vec<u32>,
 }
 
 impl Found {
-    /// Counts the faces that see the backs of others alone.
+    /// Counts the faces that see only the backs of others.
     fn n_see_only_backs(&self, scene: &Scene, groups: &Groups) -> usize {
         let sees_only_backs = |face: &FaceId| {
             let group = groups.of_face(*face);
@@ -266,7 +268,7 @@ fn trace(scene: &Scene, visibility: &dyn Visibility, groups: &Groups) -> Found {
     found
 }
 
-/// Adds about `n_rays` cosine-distributed rays from the fronts of faces, or their backs: of each a share by its area.
+/// Adds about `n_rays` cosine-distributed rays from the fronts of faces, or from their backs, to each face in proportion to its area.
 fn push_rays(
     scene: &Scene,
     visibility: &dyn Visibility,
@@ -299,9 +301,9 @@ fn push_rays(
     }
 }
 
-/// Returns whether one of the faces sees any other face of the scene, as far as segments between their middles tell.
+/// Returns whether one of the faces sees any other face of the scene, by segments between their middles.
 fn reaches(scene: &Scene, visibility: &dyn Visibility, from: &[FaceId]) -> bool {
-    // What rounding alone lifts above the plane of another sees nothing of it.
+    // A face that is above the plane of another by rounding alone does not see it.
     let (low, high) = scene.bounding_box();
     let least = scene.slack().max(FLAT * low.distance(high));
     let in_front = |of: &[DVec3], normal: DVec3, other: &[DVec3]| other.iter().any(|&v| normal.dot(v - of[0]) > least);

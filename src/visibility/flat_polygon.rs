@@ -1,4 +1,4 @@
-//! A convex face as rays see it, in f64.
+//! A convex face for ray queries in f64.
 
 use glam::DVec3;
 
@@ -19,7 +19,7 @@ impl FlatPolygon {
         Self { corners, normal }
     }
 
-    /// Returns the least and the greatest corner of the box around the face, widened by half of `margin`: boxes of faces that are less than `margin` apart overlap.
+    /// Returns the least and the greatest corner of the box around the face, widened by half of `margin`, so that boxes of faces less than `margin` apart overlap.
     pub(super) fn bounds(&self, margin: f64) -> (DVec3, DVec3) {
         let all = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let corners = self.corners.iter();

@@ -1,4 +1,4 @@
-//! The frame in which rays are traced: where its origin is, and which distances f32 can tell apart there.
+//! The frame in which rays are traced: its origin, and the distances that f32 resolves there.
 
 use glam::DVec3;
 
@@ -9,13 +9,13 @@ use super::flat_polygon::FlatPolygon;
 /// The offset of the ends of rays, in units of the largest centred coordinate L.
 ///
 /// Half a unit in the last place of an f32 coordinate is at most 2⁻²⁴ L ≈ 6e-8 L, so that a rounded vertex, and a
-/// rounded point of a face, are at most √3 · 6e-8 L ≈ 1e-7 L from where they should be. A rounded point can thus lie
+/// rounded point of a face, are at most √3 · 6e-8 L ≈ 1e-7 L from their exact positions. A rounded point can thus lie
 /// 2e-7 L on the wrong side of its own rounded face, and the arithmetic of the intersection adds as much again.
 /// Measured with 5.4 million segments between points of the walls of a room (of 6, 294 and 5400 cells; six rigid
-/// motions each): 90 % are blocked without an offset, 12 segments at 5e-7 L, none at 7e-7 L. Four times that is safe, and more would only blur what is thin.
+/// motions each): 90 % are occluded without an offset, 12 segments at 5e-7 L, none at 7e-7 L. Four times that is safe, and more would only blur thin parts.
 pub(super) const OFFSET: f64 = 3e-6;
 
-/// Faces whose distance is below this, in units of L, coincide: f32 cannot tell which one comes first. Two units in the last place.
+/// The distance in units of L below which faces coincide: two units in the last place, which f32 cannot order.
 pub(super) const COINCIDENT: f64 = 1.0 / (1 << 22) as f64;
 
 /// The frame of a scene.

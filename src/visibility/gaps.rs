@@ -7,13 +7,13 @@ use super::frame::Frame;
 use crate::geometry::box_pairs::overlapping_pairs;
 use crate::scene::{FaceId, Scene};
 
-/// Gaps below this many offsets are narrow: a ray that starts one offset off a face has then crossed a tenth of the gap.
+/// The number of offsets below which a gap is narrow: a ray that starts one offset off a face has then crossed a tenth of the gap.
 pub const NARROW: f64 = 10.0;
 
-/// Faces nearer than so many times what rounding explains touch.
+/// The distance up to which faces count as touching, in multiples of the rounding of coordinates.
 const TOUCHING: f64 = 10.0;
 
-/// Two faces that look at each other across a gap.
+/// Two faces that face each other across a gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gap {
     /// The faces, in the order of the file.
@@ -24,8 +24,8 @@ pub struct Gap {
 
 /// Returns the narrowest gap of a scene if it is less than [`NARROW`] offsets wide, or `None`.
 ///
-/// A gap lies between two faces that look at each other (the angle between their normals is more than 120°) without touching:
-/// rays from one to the other start and end an offset off the faces, and see less than what is there if the gap is not
+/// A gap lies between two faces that face each other (the angle between their normals is more than 120°) without touching:
+/// rays from one to the other start and end an offset off the faces, and miss a part of the view if the gap is not
 /// much wider than that. Faces that touch taper towards each other anyway and do not count. `offset` is
 /// [`Visibility::offset`](super::Visibility::offset), in m.
 ///
@@ -35,7 +35,7 @@ pub fn narrowest_gap(scene: &Scene, offset: f64) -> Option<Gap> {
     let frame = Frame::of(scene);
     let polygons = frame.polygons(scene);
     let limit = NARROW * offset;
-    // What rays take for touching may well be a gap: they know coordinates in f32 only.
+    // Faces that touch for rays may well have a gap: rays have coordinates in f32 only.
     let (low, high) = scene.bounding_box();
     let rounding = 16.0 * f64::EPSILON * low.abs().max(high.abs()).max_element();
     let touching = frame.coincident().min(TOUCHING * (scene.slack() + rounding));

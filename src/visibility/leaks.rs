@@ -1,4 +1,4 @@
-//! Light that leaks through patches: collected on one side of a contact edge, given on the other.
+//! Light leaks through patches: light that arrives on one side of a contact edge and leaves on the other.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use crate::geometry::sampling::{Frame, PointStream, Sequence, UniformOnPolygon, 
 use crate::matrix::operator::Block;
 use crate::mesh::{CrossedPatch, Mesh, Patch, PatchId};
 
-/// A leak above this part of what is emitted is too great.
+/// The part of the emitted power above which a leak is too great.
 pub const MAX_RELATIVE_LEAK: f64 = 1e-3;
 
 /// Rays for all crossed patches together, and the fewest and the most for each.
@@ -19,12 +19,12 @@ const RAYS: usize = 1 << 18;
 const MIN_RAYS: usize = 128;
 const MAX_RAYS: usize = 1 << 14;
 
-/// Where nothing stands in the way, no ray of a piece leaks; each piece has so many at least.
+/// The fewest rays of each piece; no ray of a piece leaks where there is no occluder.
 const MIN_RAYS_OF_PIECE: usize = 16;
 
-/// The light leaks of a mesh, as rays find them.
+/// The light leaks of a mesh, estimated by rays.
 ///
-/// A patch i is one unknown: of the light that arrives at its piece p, the share A_q / A_i leaves from another piece q. It leaks if the point of q does not see where it came from. With x and x' points of p and q,
+/// A patch i is one unknown: of the light that arrives at its piece p, the share A_q / A_i leaves from another piece q. It leaks if the point of q does not see the origin of the light. With x and x' points of p and q,
 /// y the point that a ray from x meets, and V the visibility, the exchange area that leaks between patches i and j is
 /// L_ij = Σ_p A_p Σ_{q≠p} A_q / A_i ∫_j (1 − V(x', y)) dF(x, y), in m². It is 0 where contact edges hide nothing from either side, and at most A_i Σ_p w_p (1 − w_p) with w_p = A_p / A_i, where both sides share no view.
 ///
@@ -44,18 +44,18 @@ struct Leak {
     /// The exchange area that one ray stands for, m².
     weight: f64,
     n_rays: usize,
-    /// How many rays leak, by the patch that they meet; none for the surroundings.
+    /// The number of rays that leak, by the patch that they meet; `None` for the surroundings.
     leaking: BTreeMap<Option<PatchId>, u32>,
 }
 
-/// How much leaks.
+/// A power or an exchange area that leaks, with its error.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Leakage {
     /// The power in W, or the exchange area in m².
     pub value: f64,
     /// Its standard error.
     pub error: f64,
-    /// The value as a part of all that is emitted.
+    /// The value relative to all that is emitted.
     pub relative: f64,
 }
 
@@ -87,19 +87,23 @@ impl LightLeaks {
         }
     }
 
-    /// Returns how many patches contact edges cross.
+    /// Returns the number of patches that contact edges cross.
     #[must_use]
     pub fn n_patches(&self) -> usize {
         self.n_patches
     }
 
-    /// Returns the exchange area Σ L_ij that leaks, in m², to the surroundings too; relative to Σ A_i, all that leaves the patches if each has a radiosity of 1.
+    /// Returns the exchange area Σ L_ij that leaks, in m², including the surroundings.
+    ///
+    /// It is relative to Σ A_i, which is all that leaves the patches if each has a radiosity of 1.
     #[must_use]
     pub fn exchange_area(&self) -> Leakage {
         self.sum(|_| 1.0, |_| 1.0).of(self.areas.iter().sum())
     }
 
-    /// Returns the power that leaks, Σ ρ_i L_ij B_j in W, in the channel where it is the greatest part of the emitted power: reflected light that leaves a patch where it cannot have arrived.
+    /// Returns the power that leaks, Σ ρ_i L_ij B_j in W, in the channel where its part of the emitted power is greatest.
+    ///
+    /// It is reflected light that leaves a patch where it cannot have arrived.
     ///
     /// `reflectance`: ρ; `exitance`: E, `radiosity`: B, W·m⁻². Shapes: \[n, c\].
     ///
@@ -138,7 +142,7 @@ impl LightLeaks {
     }
 }
 
-/// Returns what leaks from each piece of a patch.
+/// Returns the leaks of each piece of a patch.
 fn of_patch(mesh: &Mesh, crossed: &CrossedPatch, visibility: &dyn Visibility, n_rays: usize) -> Vec<Leak> {
     let areas: Vec<f64> = crossed
         .pieces
@@ -180,7 +184,7 @@ fn of_patch(mesh: &Mesh, crossed: &CrossedPatch, visibility: &dyn Visibility, n_
     (0..areas.len()).map(of_piece).collect()
 }
 
-/// Returns a piece other than p, each with a probability in proportion to its area, for a number in (0, 1).
+/// Returns a piece other than p, chosen by a number in (0, 1) with a probability in proportion to its area.
 fn other_piece(areas: &[f64], p: usize, number: f64) -> usize {
     let others = || areas.iter().enumerate().filter(|(q, _)| *q != p);
     let mut left = number * others().map(|(_, area)| area).sum::<f64>();
@@ -230,7 +234,7 @@ impl PieceRays {
         self.others.push(other + lift);
     }
 
-    /// Traces the rays, and joins what they meet with the other points.
+    /// Traces the rays, and tests whether the other points see the points that they meet.
     fn leaking(&self, mesh: &Mesh, visibility: &dyn Visibility) -> BTreeMap<Option<PatchId>, u32> {
         let mut hits = HitBatch::default();
         visibility.closest_hits(&self.rays, Coherence::Incoherent, &mut hits);

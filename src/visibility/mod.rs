@@ -57,7 +57,7 @@ pub struct HitBatch {
 pub struct FaceHit {
     /// The face.
     pub face: FaceId,
-    /// True where the ray came from behind: a back is black.
+    /// True where the ray came from behind: a back face is black.
     pub back: bool,
 }
 
@@ -121,7 +121,9 @@ impl RayBatch {
         self.push(origin, direction, f32::INFINITY);
     }
 
-    /// Adds rays without an end from one origin, with the density cos θ / π about the normal of `frame`, each by the next point of `numbers`. `origin` is in the frame of the visibility.
+    /// Adds rays without an end from one origin, with the density cos θ / π about the normal of `frame`.
+    ///
+    /// Each has the direction of the next point of `numbers`. `origin` is in the frame of the visibility.
     pub fn push_cosine_rays(&mut self, origin: DVec3, frame: &Frame, numbers: &mut PointStream, n: u32) {
         for _ in 0..n {
             let [u, v, ..] = numbers.next_point();

@@ -1,13 +1,15 @@
-//! The plane of a polygon, and how far it leans where corners are rounded.
+//! The plane of a polygon, and the angle by which it may lean where corners are rounded.
 
 use glam::DVec3;
 
 use crate::geometry::polygon;
 
-/// Beyond a polygon, so many times its width off, its plane is asked no more what rounding has made of it.
+/// The distance from a polygon, in its widths, beyond which the effect of rounding on its plane is not extrapolated.
 pub(crate) const MAX_LEAN: f64 = 100.0;
 
-/// A plane. Heights over it are n · (x − p) with p a point of its polygon, which keeps the digits of x − p far from the origin.
+/// A plane; heights over it are n · (x − p).
+///
+/// p is a point of its polygon, which keeps the digits of x − p far from the origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Plane {
     /// The unit normal.
@@ -38,7 +40,7 @@ impl Plane {
     }
 }
 
-/// How the plane of a polygon leans where the polygon's corners are rounded: as much more as the polygon is narrow.
+/// The lean of a polygon's plane where its corners are rounded: the narrower the polygon, the more.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lean {
     middle: DVec3,
@@ -73,13 +75,14 @@ impl Lean {
         off / self.width
     }
 
-    /// Returns how far off the plane a point may seem that lies in it, where corners are off by ulps. Heights are measured from a corner: from there on the plane of a sliver leans by more than
-    /// its own width.
+    /// Returns the apparent height of a point of the plane where corners are off by ulps.
+    ///
+    /// Heights are measured from a corner: from there the plane of a sliver leans by more than the height within its own width.
     pub(super) fn height_by_rounding(&self, rounding: f64, point: DVec3) -> f64 {
         rounding * (1.0 + (self.reach + self.distance(point)) / self.width)
     }
 
-    /// Returns how far off the plane a point may seem that lies in it, where corners are off by `slack`.
+    /// Returns the apparent height of a point of the plane where corners are off by `slack`.
     pub(crate) fn height(&self, slack: f64, point: DVec3) -> f64 {
         slack * (1.0 + (self.distance(point) / self.width).min(MAX_LEAN))
     }

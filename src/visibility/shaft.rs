@@ -8,35 +8,35 @@ use glam::DVec3;
 use super::plane::{Lean, Plane, largest, rounding};
 use crate::geometry::clip::{clip_contour, clip_to_half_space};
 
-/// A plane through an edge of one end of a shaft and a corner of the other, which has the shaft above it but for what is neglected beside it.
+/// A plane through an edge of one end of a shaft and a corner of the other, with the shaft above it but for a neglected border.
 #[derive(Clone, Copy, Debug)]
 struct Side {
     plane: Plane,
-    /// The height over the plane up to which all is neglected, in m.
+    /// The height over the plane up to which points are neglected, in m.
     raised: f64,
 }
 
 /// The convex hull of two convex planar polygons that face each other.
 ///
 /// The part of each polygon behind the other's plane is cut off first, because light does not go there. The hull is the set of all
-/// points on segments between the two, so that a face that does not meet its interior cannot block any light between them.
+/// points on segments between the two, so that a face outside its interior cannot block any light between them.
 ///
-/// A face counts as outside if it reaches into the hull by less than 1e-10 of the hull's width *there*, or by less than 16 ulps of the coordinates of the three corners
-/// that a side of the hull goes through explain there. Walls that share an edge with one of the polygons thus stay outside in spite of rounding. What is neglected is an
+/// A face counts as outside if it reaches into the hull by less than 1e-10 of the hull's width *there*, or by less than the effect there of 16 ulps of the coordinates of the three corners
+/// that a side of the hull goes through. Walls that share an edge with one of the polygons thus stay outside in spite of rounding. The neglected part is an
 /// occluder's border of that width, some 1e-10 of F. Neither grows with the distance of the other polygon: the width beside a small patch is that patch's, however far off
 /// or large the other is, and a far corner's rounding moves a side only as much as the side is near to it.
-/// In front of either polygon only what rounding to 16 ulps explains counts as zero, as far as it turns the polygon's plane: a thin gap may part two faces, one of which hides all from the other.
+/// In front of either polygon only the effect of rounding to 16 ulps, as far as it turns the polygon's plane, counts as zero: a thin gap may separate two faces, one of which hides all from the other.
 /// Where the corners themselves were rounded, `slack` is added to both ([`Scene::slack`](crate::scene::Scene::slack)).
 #[derive(Debug)]
 pub(crate) struct Shaft<'a> {
     ends: [End<'a>; 2],
-    /// The side through each edge of both, found when it is first asked for: the first few part most polygons from the shaft.
+    /// The side through each edge of both, computed when first needed: the first few separate most polygons from the shaft.
     sides: OnceCell<Box<[OnceCell<Option<Side>>]>>,
     low: DVec3,
     high: DVec3,
-    /// Of the smaller end.
+    /// The lean of the smaller end.
     smaller: Lean,
-    /// A smaller overlap is due to rounded corners.
+    /// The overlap below which rounded corners are the cause.
     slack: f64,
 }
 
@@ -48,33 +48,35 @@ struct End<'a> {
     plane: Plane,
     /// 16 ulps of the largest coordinate.
     rounding: f64,
-    /// The height over its plane up to which all counts as in it.
+    /// The height over its plane up to which points count as in it.
     least_height: f64,
     lean: Lean,
 }
 
 thread_local! {
-    /// The rest of a polygon while it is cut: a look at an occluder uses no memory of its own.
+    /// The rest of a polygon while it is cut: a test of an occluder uses no memory of its own.
     static CUT: RefCell<[Vec<DVec3>; 2]> = const { RefCell::new([Vec::new(), Vec::new()]) };
 }
 
 /// The width of a shaft's neglected border in units of its own width.
 const RELATIVE_TOLERANCE: f64 = 1e-10;
 
-/// A height counts as seen from this part of the distance and the size of a polygon on: from about where two patches count as facing each other.
+/// The part of the distance and the size of a polygon from which on a height is seen: from about where two patches count as facing each other.
 const SEEN: f64 = 2e-14;
 
-/// A height of more than this part of the smaller polygon's size, and of the distance from it, is one, whatever the coordinates of the larger.
+/// The part of the smaller polygon's size, and of the distance from it, above which a height is real, whatever the coordinates of the larger.
 pub(crate) const MIN_HEIGHT: f64 = 1e-9;
 
-/// Normals of one plane differ by less: ends that touch each other's plane may cross it by a tolerance.
+/// The greatest difference of normals of one plane: ends that touch each other's plane may cross it by a tolerance.
 const SAME_PLANE: f64 = 1e-8;
 
-/// Three corners are on one line, and make no plane, up to this square of a sine. Above it rounding may still turn the plane about that line; both ends must then be on one side of it all the same.
+/// The squared sine up to which three corners are on one line, and make no plane.
+///
+/// Above it rounding may still turn the plane about that line; both ends must then be on one side of it all the same.
 const ON_LINE: f64 = 1e-24;
 
 impl<'a> Shaft<'a> {
-    /// Returns the shaft, or `None` if no point of one polygon's front sees the other's front. What reaches into it by less than `slack`, m, counts as touching.
+    /// Returns the shaft, or `None` if no point of one polygon's front sees the other's front. A face that reaches into it by less than `slack`, m, counts as touching.
     pub(crate) fn new(p: &'a [DVec3], q: &'a [DVec3], slack: f64) -> Option<Self> {
         let leans = [p, q].map(Lean::of);
         let smaller = if leans[0].reach <= leans[1].reach {
@@ -104,7 +106,7 @@ impl<'a> Shaft<'a> {
         })
     }
 
-    /// Returns whether a box and that around the hull have no point in common: of a sliver's hull, whose sides rounding turns, that is all that is certain.
+    /// Returns whether a box and the box around the hull have no point in common. For a sliver's hull, whose sides rounding turns, only this is certain.
     pub(crate) fn is_apart_from(&self, low: DVec3, high: DVec3) -> bool {
         self.low.cmpgt(high).any() || self.high.cmplt(low).any()
     }
@@ -138,7 +140,7 @@ impl<'a> Shaft<'a> {
         if !of_ends().all(reaches) || !of_sides().all(reaches) {
             return false;
         }
-        // No single plane parts them: cut the polygon down to what is inside.
+        // No single plane separates them: cut the polygon down to its part inside.
         CUT.with_borrow_mut(|[inside, part]| {
             inside.clear();
             inside.extend_from_slice(corners);
@@ -153,7 +155,7 @@ impl<'a> Shaft<'a> {
                     return false;
                 }
             }
-            // The nearer it is to an end, the less has rounding to do with its height.
+            // The nearer it is to an end, the less does rounding affect its height.
             self.ends.iter().all(|end| {
                 let mut heights = inside.iter().map(|&v| (v, end.plane.height(v) - slack));
                 heights.any(|(v, height)| height > end.least_height_at(v, &self.smaller))
@@ -161,7 +163,9 @@ impl<'a> Shaft<'a> {
         })
     }
 
-    /// Returns the part of a segment within the hull, or less than `off`, m, outside, as its begin and end in units of the segment; `None` if there is none.
+    /// Returns the part of a segment within the hull, or less than `off`, m, outside; `None` if there is none.
+    ///
+    /// The part is its begin and end in units of the segment.
     pub(crate) fn part_within(&self, a: DVec3, b: DVec3, off: f64) -> Option<[f64; 2]> {
         let [mut first, mut last] = [0.0_f64, 1.0_f64];
         let of_ends = self.ends.iter().map(|end| (&end.plane, 0.0));
@@ -179,7 +183,7 @@ impl<'a> Shaft<'a> {
         (first < last).then_some([first, last])
     }
 
-    /// Returns whether one convex polygon stops all light, but for what passes within `slack`, m: whether every segment between the two ends crosses it.
+    /// Returns whether one convex polygon stops all light, but for light that passes within `slack`, m: whether every segment between the two ends crosses it.
     pub(crate) fn is_closed_by(&self, corners: &[DVec3], plane: &Plane, slack: f64) -> bool {
         self.section_lies_in(plane, rounding(corners), slack, |point, tolerance| {
             (0..corners.len()).all(|k| {
@@ -191,9 +195,9 @@ impl<'a> Shaft<'a> {
         })
     }
 
-    /// Returns whether every segment between the two ends goes through the inside of a convex solid, whose corners are known to `rounding`, m.
+    /// Returns whether every segment between the two ends passes through the inside of a convex solid, whose corners are accurate to `rounding`, m.
     ///
-    /// Looks at one section of the shaft, through `middle` and across the line between the ends' centres; errs on the side of false.
+    /// It tests one section of the shaft, through `middle` and across the line between the ends' centres; errs on the side of false.
     pub(crate) fn is_closed_by_solid(&self, middle: DVec3, planes: &[Plane], rounding: f64) -> bool {
         let [from, to] = self
             .ends
@@ -206,10 +210,10 @@ impl<'a> Shaft<'a> {
         })
     }
 
-    /// Returns whether a plane parts the two ends, and its section with the hull lies in a convex set.
+    /// Returns whether a plane separates the two ends, and its section with the hull lies in a convex set.
     ///
-    /// The section is the convex hull of the points in which the segments between corners cross the plane, which is known to `rounding`, m, where its polygon is.
-    /// `contains` is given each with what is neglected there: 1e-10 of the shaft's width, `slack`, m, and rounding, each as the point is nearer to one or the other end.
+    /// The section is the convex hull of the points in which the segments between corners cross the plane, which is accurate to `rounding`, m, at its polygon.
+    /// `contains` gets each point with the neglected width there: 1e-10 of the shaft's width, `slack`, m, and rounding, each by the distances from both ends.
     fn section_lies_in(&self, plane: &Plane, rounding: f64, slack: f64, contains: impl Fn(DVec3, f64) -> bool) -> bool {
         let tolerances = self.ends.each_ref().map(|end| {
             let width = match &end.part {
@@ -235,7 +239,7 @@ impl<'a> Shaft<'a> {
                 if drop.abs() <= near + far {
                     return false;
                 }
-                // From the end that is nearer to the plane, for the sake of the digits.
+                // From the end that is nearer to the plane, to keep digits.
                 let shares = [-height_b / drop, height_a / drop];
                 let point = if shares[1] <= 0.5 {
                     a + (b - a) * shares[1]
@@ -248,13 +252,15 @@ impl<'a> Shaft<'a> {
         })
     }
 
-    /// Returns whether a side with such a normal is the plane of an end, within a tolerance: an end that stands on the plane of the other has that plane for a side.
+    /// Returns whether a side with such a normal is the plane of an end, within a tolerance.
+    ///
+    /// An end that stands on the plane of the other has that plane for a side.
     fn is_plane_of_an_end(&self, normal: DVec3) -> bool {
         let mut ends = self.ends.iter();
         ends.any(|end| end.plane.normal.distance_squared(normal) < SAME_PLANE * SAME_PLANE)
     }
 
-    /// Returns the planes through an edge of one end and a corner of the other that have all of both on their upper side, each raised by what is neglected beside it.
+    /// Returns the planes through an edge of one end and a corner of the other with all of both on their upper side, each raised by its neglected border.
     fn sides(&self) -> impl Iterator<Item = &Side> {
         let cells = self.sides.get_or_init(|| {
             let n_edges = self.ends.iter().map(|end| end.part.len()).sum();
@@ -290,7 +296,7 @@ impl<'a> Shaft<'a> {
             }
         }
         let found = farthest.and_then(|(c, ..)| self.side(k, start, edge, c));
-        // Rounding may have chosen a corner that is too near to the edge to tell.
+        // Rounding may have chosen a corner that is too near to the edge.
         found.or_else(|| far.iter().find_map(|&c| self.side(k, start, edge, c)))
     }
 
@@ -299,7 +305,7 @@ impl<'a> Shaft<'a> {
     /// The neglected part changes from the edge to the other end in proportion, so that the raised plane leans a little.
     fn side(&self, k: usize, start: DVec3, edge: DVec3, c: DVec3) -> Option<Side> {
         let normal = edge.cross(c - start);
-        // A plane through three corners nearly on a line says nothing.
+        // A plane through three corners nearly on a line is undefined.
         if normal.length_squared() <= ON_LINE * edge.length_squared() * (c - start).length_squared() {
             return None;
         }
@@ -307,7 +313,7 @@ impl<'a> Shaft<'a> {
         // Heights from the point with the smaller coordinates, so that they keep their digits where one end is far off.
         let from_edge = largest(start) <= largest(c);
         let origin = if from_edge { start } else { c };
-        // In proportion to the distance from the edge, as far as the ends reach: a corner beside the edge tells nothing of what is neglected beyond it.
+        // In proportion to the distance from the edge, within the range of the ends: a corner beside the edge does not determine the border beyond it.
         let across = normal.cross(edge).normalize();
         let distance = |v: DVec3| across.dot(v - start);
         let (mut below, mut above, mut reach) = (false, false, 0.0);
@@ -315,7 +321,7 @@ impl<'a> Shaft<'a> {
         for (border, end) in borders.iter_mut().zip([k, 1 - k]) {
             let end = &self.ends[end];
             let (mut low, mut high) = (0.0, 0.0);
-            // Not f64::min and f64::max, which take care of NaN.
+            // Without f64::min and f64::max, which spend time on NaN.
             for &v in end.part.iter() {
                 let (height, far) = (normal.dot(v - origin), distance(v).abs());
                 low = if height < low { height } else { low };
@@ -331,7 +337,7 @@ impl<'a> Shaft<'a> {
         }
         let normal = if above { normal } else { -normal };
         if self.is_plane_of_an_end(normal) {
-            // Nothing is a mere border there.
+            // No part is a mere border there.
             borders = [k, 1 - k].map(|end| self.ends[end].rounding);
         }
         let [at_edge, at_corner] = borders;
@@ -354,7 +360,7 @@ impl<'a> Shaft<'a> {
 }
 
 impl End<'_> {
-    /// Returns the height over the end's plane up to which a point may lie in it, given the smaller of the two ends.
+    /// Returns the height over the end's plane below which a point may lie in it, given the smaller of the two ends.
     fn least_height_at(&self, point: DVec3, smaller: &Lean) -> f64 {
         let rounded = self.lean.height_by_rounding(self.rounding, point);
         rounded
@@ -432,7 +438,7 @@ mod tests {
             assert_eq!(shaft.meets(&moved(&floor, DVec3::Z * shift)), meets, "{shift}");
         }
         assert!(shaft.meets(&rectangle(DVec3::X * 1e-6, DVec3::Y, DVec3::Z)));
-        // A corner that reaches in between all the planes' tests needs the cut: this triangle passes by an edge of the hull.
+        // A corner that reaches in between the tests of all planes needs the cut: this triangle passes by an edge of the hull.
         let passing = [
             DVec3::new(1.3, 0.5, 0.5),
             DVec3::new(0.5, 1.3, 0.4),

@@ -1,8 +1,8 @@
 //! Two-sided sheets: faces of opposite winding that coincide, wholly or in part.
 //!
 //! A ray that meets a sheet hits both of its faces at the same distance, and f32 decides by chance which one is
-//! reported. The front-facing one counts. Hence a hit from behind is handed to the front-facing face that coincides
-//! with the one that was hit, at the point of the hit. This needs no pairing of the faces: one side may be a quad and
+//! reported. The front-facing one counts. A hit from behind is therefore passed on to the front-facing face that coincides
+//! with the hit face at that point. This needs no pairing of the faces: one side may be a quad and
 //! the other two triangles, or a small face may lie on the back of a large one.
 
 use super::flat_polygon::FlatPolygon;
@@ -16,7 +16,7 @@ pub(super) struct Sheets {
     first: Vec<usize>,
     partners: Vec<u32>,
     polygons: Vec<FlatPolygon>,
-    /// How far outside a partner a hit may seem to be, in m.
+    /// The greatest distance of a hit outside a partner, in m.
     tolerance: f64,
 }
 
@@ -45,7 +45,7 @@ impl Sheets {
             first,
             partners: pairs.into_iter().map(|(_, partner)| partner).collect(),
             polygons,
-            // Below the offset nothing in the scene is told apart.
+            // Below the offset the scene is not resolved.
             tolerance: frame.offset(),
         })
     }

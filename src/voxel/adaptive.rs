@@ -13,10 +13,10 @@ use crate::matrix::operator::Block;
 use crate::progress::Progress;
 use crate::scene::Scene;
 
-/// Normals of neighbouring surfels that differ by more than about 45° meet at an edge.
+/// The cosine of normals of neighbouring surfels below which they meet at an edge, about 45°.
 const ALIKE: f64 = 0.7;
 
-/// How the cells are found.
+/// The settings of the search for cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdaptiveSettings {
     /// The level of the largest cells: 2ˡ voxels wide, l at most [`MAX_CELL_LEVEL`](super::MAX_CELL_LEVEL).
@@ -42,11 +42,11 @@ pub struct Adaptive {
     pub n_cells: Vec<usize>,
     /// Links that were found, over all rounds.
     pub n_links: u64,
-    /// Those of them that end at a back.
+    /// The number of those links that end at a back face.
     pub n_backs: u64,
-    /// Those of them that leave the scene.
+    /// The number of those links that leave the scene.
     pub n_escaped: u64,
-    /// The memory that they take.
+    /// The memory of the links.
     pub link_byte: u64,
     /// The power that links carry between regions of air that surfaces close off from each other, W, \[c\]; see
     /// [`LinkOperator::leak_power`](super::LinkOperator::leak_power).
@@ -55,11 +55,11 @@ pub struct Adaptive {
     pub changes: Vec<f64>,
 }
 
-/// Solves the discrete equation on cells that are as fine as the light asks for.
+/// Solves the discrete equation on cells as fine as the changes of light require.
 ///
-/// Cells begin 2^`coarsest` voxels wide, those at edges and beside emitters half as wide. Light is propagated on them, and every cell from which the irradiance changes by more than the
-/// tolerance to a neighbour on the same surface, in any channel, or whose surfels send too differently, is cut into those of the next lower level, until no such cell is wider than a voxel. Links that are known are used again.
-/// Occlusion is that of the voxels throughout, so a coarse cell sees fine things and their shadows; what is not seen is a shadow that lies inside of one coarse cell,
+/// Cells begin 2^`coarsest` voxels wide, those at edges and beside emitters half as wide. Light is propagated on them. Then every cell is cut into those of the next lower level whose irradiance differs by more than the
+/// tolerance from that of a neighbour on the same surface, in any channel, or whose surfels send too differently, until no such cell is wider than a voxel. Known links are used again.
+/// Occlusion is that of the voxels throughout, so that a coarse cell sees fine objects and their shadows. It misses a shadow inside one coarse cell,
 /// away from the surfel at which it gathers. At the end the irradiance is interpolated between cells, and B = E + ρ H on every surfel with its own material.
 ///
 /// Work: links in proportion to the cells, not to the voxels. Equal arguments give equal bytes at any number of threads.
@@ -146,13 +146,13 @@ fn limits(cells: &Cells, irradiance: &Block, tolerance: f64) -> Vec<f64> {
     means.into_iter().map(|mean| tolerance * mean).collect()
 }
 
-/// Returns the values of the cells' representatives: a cell has one material.
+/// Returns the values of the cells' representatives, as a cell has one material.
 fn of_cells(cells: &Cells, values: &Block) -> Block {
     let rows = (0..cells.n_cells()).flat_map(|cell| values.row(cells.representative(cell)).iter().copied());
     Block::from_values(rows.collect(), values.n_channels())
 }
 
-/// Returns the means of values over the cells. What is sent differs within one material, by how far faces fill their voxels.
+/// Returns the means of values over the cells. The light that is sent differs within one material, as faces fill their voxels differently.
 fn means_of_cells(cells: &Cells, values: &Block) -> Block {
     let mean = |cell: usize| {
         let members = cells.members(cell);
@@ -167,7 +167,7 @@ fn means_of_cells(cells: &Cells, values: &Block) -> Block {
     Block::from_values((0..cells.n_cells()).flat_map(mean).collect(), values.n_channels())
 }
 
-/// Returns whether what the surfels of a cell send differs by more than `tolerance` times the most that one of them sends, in any channel.
+/// Returns whether the light that the surfels of a cell send differs by more than `tolerance` times the most of one of them, in any channel.
 fn is_uneven(cells: &Cells, cell: usize, exitance: &Block, tolerance: f64) -> bool {
     (0..exitance.n_channels()).any(|c| {
         let sent = cells
@@ -179,7 +179,7 @@ fn is_uneven(cells: &Cells, cell: usize, exitance: &Block, tolerance: f64) -> bo
     })
 }
 
-/// Calls `work` with all surfels in the 26 voxels around a surfel and in its own, itself left out.
+/// Calls `work` with all other surfels in the 26 voxels around a surfel and in its own.
 fn each_around(voxels: &VoxelScene, surfel: usize, mut work: impl FnMut(usize)) {
     voxels.each_rank_around(voxels.surfels[surfel].voxel(), |rank| {
         voxels.surfels_of(rank).filter(|&s| s != surfel).for_each(&mut work);
@@ -205,7 +205,7 @@ fn at_edges(voxels: &VoxelScene, scene: &Scene, cells: &Cells) -> Vec<bool> {
     (0..cells.n_cells()).into_par_iter().map(is_marked).collect()
 }
 
-/// Returns for each cell those that touch it on the same surface, ascending.
+/// Returns for each cell the cells that touch it on the same surface, ascending.
 fn neighbours(voxels: &VoxelScene, scene: &Scene, cells: &Cells) -> Vec<Vec<u32>> {
     let surface = |s: usize| scene.faces[voxels.surfels[s].face.0 as usize].surface;
     let of_cell = |cell: usize| {

@@ -1,10 +1,10 @@
-//! The discrete lines of one direction from the voxels of one brick, walked together.
+//! The discrete lines of one direction from the voxels of one brick, traced together.
 //!
-//! Lines of one direction are translates of one another: after k crossings all are as far from where they began. So the voxels that the lines of a brick of
-//! 4 × 4 × 4 are in after k crossings are the brick's own, moved as a whole: 64 bits that say which lines still run, and 64 bits that say which voxels of the moved brick
-//! are surface, cut out of the masks of the eight bricks that it overlaps. One "and" finds all lines that end there.
+//! Lines of one direction are translates of one another: after k crossings all are equally far from their starts. After k crossings, the voxels of the lines of a brick of
+//! 4 × 4 × 4 are therefore those of the brick, moved as a whole: 64 bits for the lines that still run, and 64 bits for the voxels of the moved brick
+//! that are surface, cut out of the masks of the eight bricks that it overlaps. One "and" finds all lines that end there.
 //!
-//! Lines whose first crossing is taken ahead ([`Place::at_least`]) are translates of those with the same one. A line that begins later than others joins
+//! Lines whose first crossing is counted in advance ([`Place::at_least`]) are translates of those with the same one. A line that begins later than others joins
 //! them when they have come as far.
 //!
 //! A line meets the same surfels as by [`first_surface`](super::line::first_surface), at any grouping of lines.
@@ -17,19 +17,19 @@ use super::octree::{self, Octree};
 /// Voxels of a brick.
 const N_VOXELS: usize = 64;
 
-/// Lines of one direction that are walked together; a line is known by the bit of its voxel in the mask of its brick.
+/// Lines of one direction that are traced together; a line is identified by the bit of its voxel in the mask of its brick.
 #[derive(Clone, Debug)]
 pub(super) struct Bundle {
-    /// Where the first of the lines begins.
+    /// The start of the first lines.
     first: [u32; 3],
     at_least: [u32; 3],
-    /// Lines that begin there.
+    /// Lines that begin at `first`.
     running: u64,
     /// Lines that begin later.
     waiting: u64,
     /// The number of crossings after which a line begins.
     begins: [u32; N_VOXELS],
-    /// Lines that leave the surface that they begin in, and have not met a free voxel.
+    /// Lines that are leaving the surface in which they begin, and have not met a free voxel.
     leaving: u64,
 }
 
@@ -75,7 +75,7 @@ impl Bundle {
         self.begins[bit as usize] = begin;
         match begin.cmp(&crossings(self.first)) {
             Ordering::Less => {
-                // Those that were to run first now wait; all of them are known by their own numbers of crossings.
+                // The lines that were to run first wait from here on; all of them are identified by their own numbers of crossings.
                 self.waiting |= self.running;
                 self.running = line;
                 self.first = place.counts;
@@ -86,8 +86,10 @@ impl Bundle {
         true
     }
 
-    /// Walks the lines from the brick with the coordinates `brick`. Where one meets a surface voxel, `meets` is told its bit, the voxel's rank and whether the
-    /// line is still leaving the surface that it begins in, and tells whether the line ends there. Lines that `meets` did not end leave the lattice.
+    /// Traces the lines from the brick with the coordinates `brick`.
+    ///
+    /// Where a line meets a surface voxel, `meets` is called with its bit, the voxel's rank and whether the line is still leaving the surface in which it begins; it returns whether the line ends there.
+    /// The other lines leave the lattice.
     #[inline]
     pub(super) fn walk(
         self,
@@ -106,7 +108,7 @@ impl Bundle {
             mut leaving,
             ..
         } = self;
-        // Coordinates that grow along the line, of the brick's first voxel.
+        // The brick's first voxel, in coordinates that grow along the line.
         let start: [u32; 3] = std::array::from_fn(|a| {
             let first = 4 * brick[a];
             if octant >> a & 1 == 1 {
@@ -189,7 +191,7 @@ impl Bundle {
         }
     }
 
-    /// Lets those lines begin that do after `n` crossings.
+    /// Starts the lines that begin after `n` crossings.
     fn begin(&self, n: u32, running: &mut u64, waiting: &mut u64) {
         let mut left = *waiting;
         while left != 0 {
@@ -239,7 +241,7 @@ impl Extent {
     }
 }
 
-/// The masks of 2 × 2 × 2 bricks, in the lattice's order of axes: bit a of an index is the place along axis a.
+/// The masks of 2 × 2 × 2 bricks, in the lattice's order of axes: bit a of an index is the position along axis a.
 struct Block {
     masks: [u64; 8],
     bricks: [u32; 8],
@@ -251,12 +253,12 @@ impl Block {
         bricks: [0; 8],
     };
 
-    /// Returns the bricks from that with the voxel `at` on, in coordinates that grow along the octant; what lies beyond the lattice is empty.
+    /// Returns the bricks from that with the voxel `at` on, in coordinates that grow along the octant; bricks beyond the lattice are empty.
     #[inline]
     fn new(octree: &Octree, at: [u32; 3], octant: usize) -> Self {
         let n_bricks = octree.n_bricks();
         let mut block = Self::EMPTY;
-        // Places along each axis, times its stride; none beyond the lattice.
+        // Positions along each axis, times its stride; `None` beyond the lattice.
         let stride = [1, n_bricks[0], n_bricks[0] * n_bricks[1]];
         let places: [[Option<usize>; 2]; 3] = std::array::from_fn(|a| {
             [0, 1].map(|k| {
@@ -281,7 +283,7 @@ impl Block {
         block
     }
 
-    /// Returns whether no voxel is surface whose coordinates, growing along the octant from the block's first, are `from` or more.
+    /// Returns whether no surface voxel has coordinates, growing along the octant from the block's first, of `from` or more.
     #[inline]
     fn is_free_from(&self, from: [u32; 3], ahead: &[[u64; 4]; 3], octant: usize) -> bool {
         let of_axis: [[u64; 2]; 3] = std::array::from_fn(|a| {
@@ -308,7 +310,7 @@ impl Block {
         along_y(0).unbounded_shr(x) & keep_x | along_y(1).unbounded_shl(4 - x) & !keep_x
     }
 
-    /// Returns the rank of the surface voxel that the line with bit `bit` is in.
+    /// Returns the rank of the surface voxel of the line with bit `bit`.
     #[inline]
     fn rank(&self, octree: &Octree, bit: u32, offset: [u32; 3], octant: usize) -> u32 {
         let [x, y, z] = in_lattice(offset, octant);
@@ -321,7 +323,7 @@ impl Block {
     }
 }
 
-/// Returns how far the brick lies from the block's first corner in the coordinates of the lattice, 0 to 4.
+/// Returns the distance of the brick from the block's first corner in the coordinates of the lattice, 0 to 4.
 #[inline]
 fn in_lattice(offset: [u32; 3], octant: usize) -> [u32; 3] {
     std::array::from_fn(|a| if octant >> a & 1 == 1 { 4 - offset[a] } else { offset[a] })

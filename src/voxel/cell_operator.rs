@@ -15,11 +15,11 @@ use crate::progress::Progress;
 /// Rows that are one unit of work.
 const ROWS: usize = 64;
 
-/// The links of those surfels at which cells gather light; links that are known stay known when cells are cut.
+/// The links of those surfels at which cells gather light; known links are kept when cells are cut.
 #[derive(Debug)]
 pub(super) struct CellLinks {
     directions: Vec<Direction>,
-    /// By surfel; empty where they are not known.
+    /// By surfel; empty for surfels without known links.
     rows: Vec<Box<[u8]>>,
     pub(super) tally: Tally,
 }
@@ -33,7 +33,7 @@ impl CellLinks {
         }
     }
 
-    /// Finds the links of all cells that are not known yet.
+    /// Finds the links of all cells without known ones.
     pub(super) fn find(&mut self, voxels: &VoxelScene, cells: &Cells, progress: &dyn Progress) {
         let missing: Vec<usize> = (0..cells.n_cells())
             .map(|cell| cells.representative(cell))
@@ -85,8 +85,9 @@ impl<'a> CellOperator<'a> {
         }
     }
 
-    /// Returns the power that links carry between regions of air that surfaces close off from each other, W, \[c\]: as
-    /// [`LinkOperator::leak_power`](super::LinkOperator::leak_power), of cells.
+    /// Returns the power that links carry between regions of air that surfaces close off from each other, W, \[c\].
+    ///
+    /// It is that of [`LinkOperator::leak_power`](super::LinkOperator::leak_power), of cells.
     pub(super) fn leak_power(&self, radiosity: &Block) -> Vec<f64> {
         let n_channels = radiosity.n_channels();
         let n = if self.voxels.regions.is_some() {

@@ -10,14 +10,17 @@ use crate::scene::{MaterialId, Scene, SurfaceId};
 /// The greatest level of a cell: 2⁶ voxels wide.
 pub const MAX_CELL_LEVEL: u8 = 6;
 
-/// Surfels whose normals differ by more than about 25° do not share a cell.
+/// The cosine of the angle between normals, about 25°, beyond which surfels do not share a cell.
 const ALIKE: f64 = 0.9;
 
-/// How far from the plane of its first surfel a cell of side 1 reaches, in voxels, and how much farther for each voxel of its side: a bulge of an eighth.
+/// The greatest distance of a cell of side 1 from the plane of its first surfel, in voxels, and its growth with each voxel of the side.
+///
+/// The growth allows a bulge of an eighth.
 const THICKNESS: (f64, f64) = (1.5, 0.125);
 
-/// A partition of the surfels into cells: cubes of 2ˡ voxels a side, at multiples of their side, that hold surfels of one surface, one material, and one plane or nearly so,
-/// which no closed surface parts.
+/// A partition of the surfels into cells: cubes of 2ˡ voxels a side, at multiples of their side.
+///
+/// The surfels of a cell are of one surface, one material, and one plane or nearly so, and no closed surface separates them.
 ///
 /// Visibility is still decided on the voxels; a cell has one radiosity, and gathers light at one of its surfels, the one nearest to its middle.
 /// Cells are numbered by their first surfels.
@@ -25,7 +28,7 @@ const THICKNESS: (f64, f64) = (1.5, 0.125);
 pub struct Cells {
     /// Surfels by cell, ascending in each.
     members: Vec<u32>,
-    /// Where each cell ends in `members`.
+    /// The end of each cell in `members`.
     ends: Vec<u32>,
     levels: Vec<u8>,
     /// By surfel.
@@ -38,7 +41,7 @@ pub struct Cells {
 type Key = (Voxel, SurfaceId, MaterialId, Option<u32>);
 
 impl Cells {
-    /// Puts the surfels of each cube of 2^`level` voxels together.
+    /// Groups the surfels of each cube of 2^`level` voxels.
     ///
     /// # Panics
     /// If `level` is above [`MAX_CELL_LEVEL`], or `voxels` is not of `scene`.
@@ -54,7 +57,7 @@ impl Cells {
         Self::from_lists(voxels, cells.into_iter().map(|cell| (level, cell)).collect())
     }
 
-    /// Cuts every cell for which `is_cut` tells so into those of the next lower level; cells of level 0 stay.
+    /// Cuts every cell for which `is_cut` is true into those of the next lower level; cells of level 0 stay.
     ///
     /// # Panics
     /// If there is not one entry of `is_cut` for each cell.
@@ -155,7 +158,7 @@ impl Cells {
     }
 }
 
-/// Returns where a surfel lies, in voxels.
+/// Returns the position of a surfel, in voxels.
 pub(super) fn place(voxels: &VoxelScene, surfel: u32) -> DVec3 {
     DVec3::from_array(voxels.surfels[surfel as usize].voxel().map(f64::from))
 }
@@ -213,7 +216,7 @@ mod tests {
             let rest: Vec<bool> = (0..half.n_cells()).map(|k| half.level(k) > level).collect();
             cells = half.refined(&voxels, &scene, &rest);
             sizes.push(cells.n_cells());
-            // Rounding of a sum of some thousand terms.
+            // The rounding of a sum of some thousand terms.
             assert!((cells.areas().iter().sum::<f64>() / total - 1.0).abs() < 1e-12);
             for cell in 0..cells.n_cells() {
                 assert_eq!(cells.level(cell), level);

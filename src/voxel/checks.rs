@@ -1,4 +1,4 @@
-//! Whether a scene survives its discretisation.
+//! Checks whether a discretised scene still resolves the original.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use super::grid::Voxel;
 use crate::geometry::polygon;
 use crate::scene::{Scene, SurfaceId};
 
-/// Two surfaces that face each other with less than two voxels between them: the light in the gap is not resolved.
+/// Two surfaces that face each other with less than two voxels between them, where the light is not resolved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ThinGap {
     /// The two surfaces, the lower id first; equal where a surface faces itself.
@@ -19,7 +19,7 @@ pub struct ThinGap {
     pub n_surfels: usize,
 }
 
-/// Cosine beyond which two surfaces face each other across a gap.
+/// The cosine beyond which two surfaces face each other across a gap.
 const OPPOSED: f64 = -0.7;
 
 impl VoxelScene {
@@ -57,7 +57,7 @@ impl VoxelScene {
         }
         let is_reached = |&surfel: &u32| {
             let front = self.in_front(surfel as usize, 1);
-            // A lattice with a rim of one: no front is further out.
+            // A lattice with a rim of one voxel: no front is further out.
             let p = front.map(|c| (c + 1).unsigned_abs() as usize);
             self.octree.rank(front).is_none() && reached[place(p)]
         };
@@ -98,7 +98,9 @@ impl VoxelScene {
         gaps
     }
 
-    /// Returns the surfaces that are smaller than two voxels, each with the longest side of its box, m, the smallest first: neither their shadows nor what they exchange are resolved.
+    /// Returns the surfaces that are smaller than two voxels, each with the longest side of its box, m, the smallest first.
+    ///
+    /// Neither their shadows nor their exchange of light are resolved.
     #[must_use]
     pub fn small_surfaces(&self, scene: &Scene) -> Vec<(SurfaceId, f64)> {
         let mut boxes: BTreeMap<SurfaceId, (DVec3, DVec3)> = BTreeMap::new();
@@ -117,8 +119,8 @@ impl VoxelScene {
 
     /// Returns the Hausdorff distance between the scene and the centres of the surface voxels, in voxels.
     ///
-    /// From voxels to the scene exactly, to the face that each surfel belongs to (an upper bound); from the scene to voxels at points of its faces half a voxel apart, so up to half a voxel's
-    /// diagonal in the plane, 0.36, too little at worst. `None` if some point of the scene has no surface voxel within two voxels.
+    /// From voxels to the scene it is exact, to the face of each surfel (an upper bound). From the scene to voxels it is computed at points of its faces half a voxel apart, and so up to half a voxel's
+    /// diagonal in the plane, 0.36, too small at worst. `None` if some point of the scene has no surface voxel within two voxels.
     #[must_use]
     pub fn hausdorff_distance(&self, scene: &Scene) -> Option<f64> {
         let to_lattice =
@@ -155,7 +157,7 @@ impl VoxelScene {
                 for i in 0..=n {
                     let (u, v) = (f64::from(i) / f64::from(n), f64::from(j) / f64::from(n));
                     let point = p[0].lerp(p[1], u).lerp(d.lerp(p[2], u), v);
-                    // The voxel that the point lies in bounds the distance: most points need no search.
+                    // The voxel of the point bounds the distance: most points need no search.
                     let home = point.to_array().map(super::grid::nearest);
                     let within = |voxel: Voxel| point.distance(DVec3::from_array(voxel.map(f64::from)));
                     if within(home) > worst || self.octree.rank(home).is_none() {
@@ -185,7 +187,7 @@ impl VoxelScene {
             }
             least
         };
-        // What is farther than one voxel away along an axis is at least one voxel from the point.
+        // A voxel farther than one voxel away along an axis is at least one voxel from the point.
         let near = nearest_within(1);
         let least = if near <= 1.0 { near } else { nearest_within(2) };
         least.is_finite().then_some(least)

@@ -1,4 +1,4 @@
-//! From faces to surface voxels.
+//! The conversion of faces to surface voxels.
 
 use std::collections::HashMap;
 
@@ -13,20 +13,21 @@ use super::thin::{self, ALL_NODES, Part, Sides, THIN, ThinWall};
 use crate::geometry::polygon;
 use crate::scene::{FaceId, MaterialId, Scene, SurfaceId};
 
-/// Normals are kept as integers of this scale, 2³⁰: heights over a lattice of 4096 voxels are then off by less than 6e-6 voxels.
+/// The scale of normals as integers, 2³⁰: heights over a lattice of 4096 voxels are then off by less than 6e-6 voxels.
 const NORMAL_SCALE: f64 = 1_073_741_824.0;
 
-/// A half, or what is nearly one, goes to the voxel on the face's front, whichever axis it is met along: all voxels
-/// of a plane then have heights in (−1, 1) over one another. More than the lattice is shifted by, so that a lamp and the ceiling just above it share a voxel.
+/// The tolerance within which a coordinate counts as a half, which goes to the voxel on the face's front along any axis.
+///
+/// All voxels of a plane then have heights in (−1, 1) over one another. It is more than the lattice is shifted by, so that a lamp and the ceiling just above it share a voxel.
 const HALF_SLACK: f64 = 4e-3;
 
-/// Faces of one surface and material whose normals differ by less than 30° are one smooth surface where they meet in a voxel.
+/// The cosine of 30°: faces of one surface and material with a smaller angle between normals are one smooth surface where they meet in a voxel.
 pub(super) const SMOOTH: f64 = 0.866_025_403_784_438_6;
 
-/// How far two faces must rise above each other's planes to face each other, in voxels.
+/// The height by which two faces must rise above each other's planes to face each other, in voxels.
 const RISE: f64 = 1e-6;
 
-/// The most surfels of a voxel that know whether they face each other.
+/// The most surfels of a voxel for which it is stored which face each other.
 const MAX_FACING: usize = 8;
 
 /// A normal, shared by all surfels that have it.
@@ -62,10 +63,10 @@ impl Normal {
 
 /// The part of one surface in one voxel: an unknown of the discrete radiosity system.
 ///
-/// A voxel where surfaces meet, or a wall thinner than a voxel, has several. Near [thin walls](VoxelScene::thin_walls) a surface that a wall stands on has one for each side of it.
+/// A voxel where surfaces meet, or one with a wall thinner than a voxel, has several. Near [thin walls](VoxelScene::thin_walls) a surface on which a wall stands has one for each side of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surfel {
-    /// The voxel's place.
+    /// The voxel's coordinates.
     pub voxel: [u16; 3],
     /// The surfels of the same voxel that this one faces, as bits in their order.
     facing: u8,
@@ -84,7 +85,7 @@ impl Surfel {
         self.voxel.map(i32::from)
     }
 
-    /// Returns which surfels of its voxel this one faces, as bits.
+    /// Returns the surfels of its voxel that this one faces, as bits.
     pub(super) fn facing_bits(&self) -> u8 {
         self.facing
     }
@@ -103,7 +104,7 @@ impl Surfel {
 /// A scene as voxels.
 #[derive(Clone, Debug)]
 pub struct VoxelScene {
-    /// Where the voxels lie.
+    /// The lattice.
     pub grid: Grid,
     /// The surface voxels.
     pub octree: Octree,
@@ -115,27 +116,28 @@ pub struct VoxelScene {
     pub thin_walls: Vec<ThinWall>,
     /// The first surfel of each rank, and the number of surfels at the end.
     pub(super) first_surfel: Vec<u32>,
-    /// [`Surfel::normal`] once more, side by side: every line looks one up somewhere else, and eight times as many stay in the cache.
+    /// [`Surfel::normal`] once more, in an array of its own: every line reads one somewhere else, and eight times as many stay in the cache.
+    ///
     /// The highest bit is set near thin walls.
     pub(super) normal_of: Vec<u32>,
-    /// By surfel; empty if no wall is thin.
+    /// The sides of each surfel; empty if no wall is thin.
     sides: Vec<Facts>,
-    /// The closed-off regions of air, if there are thin walls and surfaces look into several.
+    /// The closed-off regions of air, if there are thin walls and surfaces face several regions.
     pub(super) regions: Option<Regions>,
 }
 
 impl VoxelScene {
     /// Discretises a scene with `n` voxels along its longest axis.
     ///
-    /// A voxel is surface where a face meets the cross of the three segments that join the middles of its opposite sides. Every 6-path through a face then holds
-    /// such a voxel, so surfaces are 6-separating: a walk from voxel to voxel follows these segments. Away from a face's border this is the height of the face,
-    /// rounded, over the pixels of the axis that suits its normal; at the border the two other axes add what separation needs.
+    /// A voxel is surface where a face meets the cross of the three segments that join the middles of its opposite sides. Every 6-path through a face then contains
+    /// such a voxel, so that surfaces are 6-separating: a walk from voxel to voxel follows these segments. Away from a face's border this is the height of the face,
+    /// rounded, over the pixels of the axis that suits its normal; at the border the two other axes add the voxels that separation needs.
     /// A face that is too small to meet any cross gets the voxel of its centroid.
     /// A face's area is shared out evenly over its voxels: areas of surfaces are exact in sum.
     /// In the voxels of walls thinner than two voxels, and those around them, surfels of different sides are kept apart: see [`ThinWall`].
     ///
-    /// Hausdorff distance to the scene: below 1 inside of faces, since every surface voxel holds a point of the scene in its cube; up to 1.5 where three faces meet in the
-    /// corner of a room, because none of them takes the pixels on its low border.
+    /// Hausdorff distance to the scene: below 1 inside faces, since every surface voxel contains a point of the scene in its cube; up to 1.5 where three faces meet in the
+    /// corner of a room, because none of them covers the pixels on its low border.
     ///
     /// # Errors
     /// [`VoxelError::Resolution`]; [`VoxelError::TooMany`] for 2³² surfels or more.
@@ -187,7 +189,7 @@ impl VoxelScene {
         Ok(made)
     }
 
-    /// Makes the surfels of all pieces, where `sides` are known one for each side.
+    /// Makes the surfels of all pieces, one for each side where `sides` are known.
     fn put_surfels(&mut self, scene: &Scene, pieces: &Pieces, sides: Option<&Sides>) {
         let units: Vec<DVec3> = scene
             .face_ids()
@@ -253,7 +255,7 @@ impl VoxelScene {
         self.surfels.iter().map(|s| s.area).collect()
     }
 
-    /// Returns the memory that octree, surfels and normals take.
+    /// Returns the memory of octree, surfels and normals.
     #[must_use]
     pub fn n_bytes(&self) -> usize {
         self.octree.n_bytes()
@@ -282,7 +284,7 @@ impl VoxelScene {
         self.normal_of[surfel] & THIN != 0
     }
 
-    /// Returns the nodes that a surfel looks to; all where they are not known.
+    /// Returns the nodes that a surfel looks to; all where these are unknown.
     pub(super) fn nodes(&self, surfel: usize) -> u8 {
         if self.is_thin(surfel) {
             self.sides[surfel].nodes
@@ -291,7 +293,7 @@ impl VoxelScene {
         }
     }
 
-    /// Returns towards which sides faces lie between the centre of a surfel's voxel and the voxel's border; none where that is not known.
+    /// Returns the sides towards which faces lie between the centre of a surfel's voxel and the voxel's border; none where that is unknown.
     pub(super) fn crossed(&self, surfel: usize) -> u8 {
         if self.is_thin(surfel) {
             self.sides[surfel].crossed
@@ -324,12 +326,12 @@ impl Piece {
 /// The parts of all faces in all voxels.
 pub(super) struct Pieces {
     pub(super) all: Vec<Piece>,
-    /// The rank of each piece's voxel and the piece's place in `all`, sorted.
+    /// The rank of each piece's voxel and the piece's index in `all`, sorted.
     order: Vec<(u32, usize)>,
 }
 
 impl Pieces {
-    /// Returns the pieces of each surface voxel, as ranks and places in `all`, by rank.
+    /// Returns the pieces of each surface voxel, as ranks and indices in `all`, by rank.
     pub(super) fn by_voxel(&self) -> impl Iterator<Item = (u32, &[(u32, usize)])> {
         self.order.chunk_by(|a, b| a.0 == b.0).map(|list| (list[0].0, list))
     }
@@ -344,7 +346,7 @@ impl Pieces {
 pub(super) struct Facts {
     /// The nodes that it looks to.
     nodes: u8,
-    /// Towards which sides any face lies between the centre of its voxel and the voxel's border.
+    /// The sides towards which any face lies between the centre of its voxel and the voxel's border.
     crossed: u8,
 }
 
@@ -400,7 +402,7 @@ impl Maker<'_> {
         for (draft, facing) in drafts.into_iter().zip(faced) {
             let of_face = |f: &FaceId| self.units[f.0 as usize];
             let first = of_face(&draft.faces[0]);
-            // A surfel of one plane keeps that plane's very normal.
+            // A surfel of one plane keeps the normal of that plane to the last bit.
             let flat = draft.faces.iter().all(|f| of_face(f) == first);
             let unit = if flat { first } else { draft.sum.normalize_or_zero() };
             let normal = self.normal(unit);
@@ -449,16 +451,16 @@ impl Maker<'_> {
     }
 }
 
-/// Where a face crosses a line through the centres of voxels along an axis.
+/// A crossing of a face with a line through the centres of voxels along an axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Crossing {
-    /// The surface voxel that the crossing makes.
+    /// The voxel that the crossing makes surface.
     pub(super) voxel: Voxel,
     /// The axis of the line.
     pub(super) axis: usize,
-    /// Where it lies along the axis, in lattice coordinates.
+    /// The position along the axis, in lattice coordinates.
     pub(super) at: f64,
-    /// Whether the face's front looks along the axis, not against it.
+    /// Whether the face's front looks along the axis instead of against it.
     pub(super) looks_up: bool,
 }
 
@@ -467,7 +469,7 @@ pub(super) fn each_crossing(grid: &Grid, polygon: &[DVec3], mut work: impl FnMut
     let corners: Vec<DVec3> = polygon.iter().map(|&v| grid.to_lattice(v)).collect();
     let normal = polygon::area_vector(&corners).normalize_or_zero();
     for axis in 0..3 {
-        // Seen along an axis in its own plane a face has no area.
+        // Along an axis in its own plane, a face has no visible area.
         if normal[axis].abs() > 1e-9 {
             fill(&corners, normal, axis, |crossing| {
                 if (0..3).all(|a| (0..grid.n_voxels[a]).contains(&crossing.voxel[a])) {
@@ -494,8 +496,8 @@ fn voxels_of_face(grid: &Grid, polygon: &[DVec3]) -> Vec<Voxel> {
 
 /// Calls `work` with the crossings over the pixels that a convex polygon covers when seen along `axis`.
 ///
-/// A pixel belongs to the polygon that its centre lies in. On an edge both neighbours must decide alike: an edge is always evaluated from its
-/// lower end, and of a span the low end is left out, the high one taken.
+/// A pixel belongs to the polygon that contains its centre. On an edge both neighbours must decide alike: an edge is always evaluated from its
+/// lower end, and a span excludes its low end and includes its high one.
 fn fill(corners: &[DVec3], normal: DVec3, axis: usize, mut work: impl FnMut(Crossing)) {
     let (b, c) = ((axis + 1) % 3, (axis + 2) % 3);
     let low = corners.iter().map(|v| v[c]).fold(f64::INFINITY, f64::min);

@@ -1,4 +1,4 @@
-//! From voxels back to the scene's own surfaces.
+//! Interpolation of values from voxels to the scene's own surfaces.
 
 use rayon::prelude::*;
 
@@ -7,20 +7,20 @@ use super::grid::Voxel;
 use crate::matrix::operator::Block;
 use crate::mesh::Mesh;
 
-/// The distance, in voxels, at which a surfel no longer counts: at half of it, each point of a plane lies within reach of several.
+/// The distance, in voxels, at which a surfel no longer counts; each point of a plane is within half of it of several surfels.
 const REACH: f64 = 2.0;
 
-/// The cosine of the angle between normals from which on a surfel says nothing about a patch.
+/// The cosine of the angle between normals below which a surfel does not count for a patch.
 const ALIKE: f64 = 0.7;
 
-/// How far patches without a surfel in reach look for the nearest one, in voxels.
+/// The greatest distance, in voxels, of the nearest surfel for patches without a surfel in reach.
 const FAR: i32 = 6;
 
 /// Returns values of surfels, such as irradiances, at the centroids of patches.
 ///
 /// Each is the mean over the surfels of the same surface within two voxels whose normals are like the patch's, weighted by area and a hat
-/// function of the distance, max(0, 1 − d/2): a constant stays that constant; second order inside a flat surface. A patch without any takes
-/// the mean of those at the least distance, of any surface, up to 6 voxels away, and 0 beyond. Surfels that closed surfaces part from the air in front of the patch do not count.
+/// function of the distance, max(0, 1 − d/2): a constant stays that constant; second order inside a flat surface. A patch without any gets
+/// the mean of those at the least distance, of any surface, up to 6 voxels away, and 0 beyond. Surfels that closed surfaces separate from the air in front of the patch do not count.
 ///
 /// Shapes: \[n_surfels, c\] to \[n_patches, c\].
 ///

@@ -29,13 +29,13 @@ pub enum VoxelError {
         /// The fault.
         source: std::io::Error,
     },
-    /// The caller asked to stop; the links that were found so far lie in the file with `.part` at the end of its name.
+    /// The caller asked to stop; the links found so far are in the file with `.part` at the end of its name.
     #[error("the search for links was interrupted")]
     Interrupted,
     /// More unknowns than 32-bit ids can name.
     #[error("{n_surfels} surface voxels are more than 4294967295; give fewer voxels along the longest axis")]
     TooMany {
-        /// How many there would be.
+        /// The number of surfels.
         n_surfels: usize,
     },
 }

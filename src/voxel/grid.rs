@@ -1,4 +1,4 @@
-//! Where voxels lie in the world.
+//! The lattice of voxels in the world.
 
 use glam::DVec3;
 
@@ -11,13 +11,13 @@ pub const MAX_VOXELS: u32 = 4096;
 /// The least number of voxels along the longest axis.
 pub const MIN_VOXELS: u32 = 4;
 
-/// How far the scene lies beyond the lattice's first centre, in voxels.
+/// The distance of the scene from the lattice's first centre, in voxels.
 ///
-/// Walls like to lie at whole coordinates, and there every rounding error would decide anew on which side of a wall a voxel's centre is. By an amount
-/// with irrational ratios, no plane of small integers passes through a centre. Above what coordinates of six digits are rounded by, below all that counts.
+/// Walls are often at whole coordinates, where every rounding error would decide anew on which side of a wall a voxel's centre is. With shifts
+/// of irrational ratios, no plane of small integers passes through a centre. They are larger than the rounding of coordinates of six digits, and far below a voxel.
 const SHIFT: DVec3 = DVec3::new(1e-3, std::f64::consts::SQRT_2 * 1e-3, 1.732_050_807_568_877_2e-3);
 
-/// The place of a voxel: the integer coordinates of its centre.
+/// The integer coordinates of a voxel's centre.
 pub type Voxel = [i32; 3];
 
 /// A lattice over a scene. A voxel (i, j, k) is the cube of side h around `origin` + h (i, j, k).
@@ -32,10 +32,9 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Lays `n` voxels along the longest axis of a scene, with the first and the last centred on its ends but for about a thousandth of a
-    /// voxel: h = extent / (n − 1).
+    /// Places `n` voxels along the longest axis of a scene, with the first and the last centred on its ends.
     ///
-    /// Along the other axes the far end lies anywhere in the last voxel.
+    /// They are centred but for about a thousandth of a voxel: h = extent / (n − 1). Along the other axes the far end is anywhere in the last voxel.
     ///
     /// # Errors
     /// [`VoxelError::Resolution`] for fewer than [`MIN_VOXELS`] or more than [`MAX_VOXELS`].
@@ -65,7 +64,7 @@ impl Grid {
         self.origin + self.voxel_size * DVec3::from_array(voxel.map(f64::from))
     }
 
-    /// Returns the voxel that a point of the world lies in; halves go up.
+    /// Returns the voxel that contains a point of the world; halves go up.
     #[must_use]
     pub fn voxel_at(&self, point: DVec3) -> Voxel {
         self.to_lattice(point).to_array().map(nearest)
@@ -81,7 +80,7 @@ pub(super) fn nearest(x: f64) -> i32 {
     (x + 0.5).floor() as i32
 }
 
-/// Returns a number of voxels, surfels or their parts in the 32 bits in which they are counted.
+/// Returns a number of voxels, surfels or their parts as 32 bits.
 pub(super) fn to_u32(n: usize) -> u32 {
     u32::try_from(n).expect("voxels and their parts are counted in 32 bits")
 }

@@ -9,7 +9,7 @@
 use super::grid::{Voxel, to_u32};
 use super::octree::Octree;
 
-/// A crossing that never comes, in units of [`Direction::step`]: above all that do.
+/// The time of a crossing that never comes, in units of [`Direction::step`]: above all others.
 const NEVER: u64 = 1 << 40;
 
 /// A direction, prepared for walks.
@@ -78,15 +78,16 @@ impl Direction {
         self.octant
     }
 
-    /// Returns the axis along which a line goes on from the voxel that it reached after `counts` crossings of each axis.
+    /// Returns the axis along which a line leaves the voxel that it reached after `counts` crossings of each axis.
     #[must_use]
     pub fn next_axis(&self, counts: [u32; 3]) -> usize {
         let t: [u64; 3] = std::array::from_fn(|a| u64::from(2 * counts[a] + 1) * self.step[a]);
         first(t)
     }
 
-    /// Returns the axis along which a line came to the voxel that it reached after `counts` crossings of each axis, of which those up to `at_least` were taken
-    /// before it began; `None` where it begins.
+    /// Returns the axis along which a line entered the voxel that it reached after `counts` crossings of each axis.
+    ///
+    /// The crossings up to `at_least` were counted before it began; `None` where it begins.
     pub(super) fn last_axis(&self, counts: [u32; 3], at_least: [u32; 3]) -> Option<usize> {
         let is_crossed = |&a: &usize| counts[a] > at_least[a];
         // Of equal times the last axis: the first one was crossed before it.
@@ -103,12 +104,14 @@ impl Direction {
         })
     }
 
-    /// Returns how many crossings of each axis have happened once that of axis `a` with number `k` (from 0) has.
+    /// Returns the number of crossings of each axis that have happened once that of axis `a` with number `k` (from 0) has.
     pub(super) fn counts_after(&self, a: usize, k: u32) -> [u32; 3] {
         std::array::from_fn(|b| if b == a { k + 1 } else { self.count_before(b, a, k) })
     }
 
-    /// Returns the number of crossings m of axis b with (2 m + 1) / |v_b| below (2 k + 1) / |v_a|, or equal to it if b comes before a.
+    /// Returns the number of crossings of axis b before crossing k of axis a.
+    ///
+    /// These are the crossings m with (2 m + 1) / |v_b| below (2 k + 1) / |v_a|, or equal to it if b comes before a.
     #[inline]
     fn count_before(&self, b: usize, a: usize, k: u32) -> u32 {
         // (2 m + 1) |v_a| ≤ (2 k + 1) |v_b| − [b after a], hence ⌊(that + |v_a|) / (2 |v_a|)⌋ of them.
@@ -129,7 +132,7 @@ pub(super) fn first([x, y, z]: [u64; 3]) -> usize {
     }
 }
 
-/// Where a walk goes on: a voxel of the line, by its number of crossings.
+/// A voxel of a line from which a walk continues, by its number of crossings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Place {
     /// The crossings of each axis so far.
@@ -138,17 +141,16 @@ pub(super) struct Place {
     pub(super) at_least: [u32; 3],
 }
 
-/// Returns the rank of the first surface voxel of a line from `origin` along `direction`, from `place` on, that one included; `None` if the
-/// line leaves the lattice.
+/// Returns the rank of the first surface voxel of a line from `origin` along `direction`, from `place` on, that one included.
 ///
-/// Empty cubes are crossed in one step each, so the result is that of a voxel-by-voxel walk and the work is not.
+/// `None` if the line leaves the lattice. Empty cubes are crossed in one step each: the result is that of a voxel-by-voxel walk, with less work.
 #[inline]
 pub(super) fn first_surface(octree: &Octree, origin: Voxel, direction: &Direction, place: Place) -> Option<u32> {
     let padded = octree.padded_size();
     let n_bricks = octree.n_bricks();
     let cubes = octree.empty_cubes(direction.octant);
     let ahead = &AHEAD[direction.octant];
-    // Coordinates that grow along the line; bit and brick are mirrored back where the lattice is looked at.
+    // Coordinates that grow along the line; bit and brick are mirrored back where the lattice is read.
     let mut start = [0_u32; 3];
     let mut flip = [0_u32; 3];
     let mut flip_bit = 0;
@@ -176,7 +178,7 @@ pub(super) fn first_surface(octree: &Octree, origin: Voxel, direction: &Directio
             let brick = octree.brick_at(index([mirrored(b[0], 0), mirrored(b[1], 1), mirrored(b[2], 2)]));
             let mask = octree.mask(brick);
             let [x, y, z] = at.map(|c| c as usize & 3);
-            // Most bricks hold surface only behind the line or beside it: then the brick is as good as empty.
+            // Most bricks have surface only behind the line or beside it: such a brick counts as empty.
             if mask & ahead[0][x] & ahead[1][y] & ahead[2][z] != 0 {
                 if let Some(bit) = walk_brick(mask, at, flip_bit, direction, &mut counts) {
                     return octree.rank_in_brick(brick, bit);
@@ -207,7 +209,7 @@ fn walk_brick(mask: u64, at: [u32; 3], flip_bit: u32, direction: &Direction, cou
         if mask >> bit & 1 == 1 {
             return Some(bit);
         }
-        // Sums, not branches: which axis comes next cannot be foretold. Of equal times that of the first axis, as in `first`.
+        // Sums instead of branches, as the next axis is unpredictable. Of equal times that of the first axis, as in `first`.
         let is_x = tx <= ty && tx <= tz;
         let is_y = !is_x && ty <= tz;
         let is_z = !(is_x | is_y);

@@ -1,8 +1,8 @@
 //! Links on disk, written once in the order in which they are read.
 //!
-//! A file is a head of 56 bytes (a name of the layout, then what tells one geometry from another) and one record for each chunk of surfels:
+//! A file is a head of 56 bytes (a name of the layout, then a hash of the geometry) and one record for each chunk of surfels:
 //! the lengths of `ends` and `bytes` and the three counts of the tally (u64 each), then `ends` (u32 each), `bytes`, and the CRC-32 of all that (u32); little-endian.
-//! While it grows it has `.part` at the end of its name. What a killed run left there is taken up again after the last record that is whole.
+//! While it grows it has `.part` at the end of its name. The rest of a killed run is continued after its last whole record.
 
 use std::ffi::OsString;
 use std::fs::{File, OpenOptions, TryLockError};
@@ -25,7 +25,9 @@ const LAYOUT: &[u8; 24] = b"radiosity voxel links 1\n";
 /// Bytes of a record before `ends`.
 const RECORD_HEAD: usize = 40;
 
-/// Returns how many chunks are computed together before they are written, and read together before they are checked: enough for all threads, and little memory.
+/// Returns the number of chunks that are computed together before they are written, and read together before they are checked.
+///
+/// They are enough for all threads, and take little memory.
 fn n_together() -> usize {
     8 * rayon::current_num_threads()
 }
@@ -35,7 +37,7 @@ fn n_together() -> usize {
 pub(super) struct LinkFile {
     path: PathBuf,
     file: Mutex<File>,
-    /// Where each record begins, and where the last one ends.
+    /// The begin of each record, and the end of the last.
     offsets: Vec<u64>,
     pub(super) tally: Tally,
     /// The first failure of a read; see [`LinkFile::failure`].
@@ -43,7 +45,7 @@ pub(super) struct LinkFile {
 }
 
 impl LinkFile {
-    /// Opens the links of a geometry, computing what the file does not hold yet.
+    /// Opens the links of a geometry, and computes those missing in the file.
     pub(super) fn new(
         path: &Path,
         scene: &VoxelScene,
@@ -67,7 +69,7 @@ impl LinkFile {
             if offsets.len() == work.n_chunks + 1 {
                 return Ok(Self::opened(path, file, offsets, tally));
             }
-            // Never overwritten unasked.
+            // Never overwritten without a request.
             let wrong = if offsets.is_empty() {
                 "it does not hold the links of this scene at this resolution and radius; name another file or remove it"
             } else {
@@ -92,7 +94,7 @@ impl LinkFile {
             Ok(Some(done)) => done,
             Ok(None) => return Err(VoxelError::Interrupted),
             Err(error) => {
-                // Without room on the disk a part is of no use; nothing half-written stays behind.
+                // Without room on the disk a part is of no use: it is removed.
                 let _ = std::fs::remove_file(&part);
                 return Err(failed(error));
             }
@@ -116,7 +118,7 @@ impl LinkFile {
         self.offsets.last().copied().unwrap_or(0)
     }
 
-    /// Reads a chunk; if that fails, remembers why and returns `None`.
+    /// Reads a chunk; if that fails, stores the reason and returns `None`.
     pub(super) fn chunk(&self, k: usize) -> Option<Chunk> {
         let read = || -> io::Result<Chunk> {
             let (start, end) = (self.offsets[k], self.offsets[k + 1]);
@@ -164,7 +166,7 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    /// Computes and writes what the file does not hold yet; nothing if the caller cancels that.
+    /// Computes and writes the missing links; returns `None` if the caller cancels that.
     fn write_missing(&self, mut file: File, progress: &dyn Progress) -> io::Result<Option<(File, Vec<u64>, Tally)>> {
         let (mut offsets, mut tally) = self.whole_records(&mut file)?;
         let mut end = offsets.last().copied().unwrap_or(0);
@@ -206,7 +208,7 @@ impl Work<'_> {
         Ok(Some((file, offsets, tally)))
     }
 
-    /// Returns where the records begin that are whole, and where the last one ends; nothing if the head is another one.
+    /// Returns the begins of the whole records, and the end of the last; none if the head differs.
     fn whole_records(&self, file: &mut File) -> io::Result<(Vec<u64>, Tally)> {
         let file_byte = file.metadata()?.len();
         file.seek(SeekFrom::Start(0))?;
@@ -245,21 +247,23 @@ impl Work<'_> {
         }
     }
 
-    /// Returns the counts of a record of chunk k, if it holds links of this scene: a checksum that is right does not make it that, and from here on they are believed.
+    /// Returns the counts of a record of chunk k, if it holds links of this scene.
+    ///
+    /// A right checksum does not prove that, and the links are not checked again.
     fn tally_of(&self, record: &[u8], k: usize) -> Option<Tally> {
         let chunk = decode(record).ok()?;
         chunk.fits(self.scene, &self.n_in_front, k).then_some(chunk.tally)
     }
 }
 
-/// Reads the next record, if one as long as it says can be in the `left` bytes of the file.
+/// Reads the next record, if one of its stated length fits into the `left` bytes of the file.
 fn next_record(reader: &mut impl Read, left: u64) -> io::Result<Option<Vec<u8>>> {
     let mut record = vec![0; RECORD_HEAD];
     if !read_whole(reader, &mut record)? {
         return Ok(None);
     }
     let (n_ends, n_bytes) = (number(&record, 0), number(&record, 8));
-    // A length beyond what a chunk can have, or what the file has left, is damage, not a reason to ask for so much memory.
+    // A length beyond the greatest of a chunk, or the rest of the file, is damage, and must not allocate as much memory.
     if n_ends > ROWS_PER_CHUNK as u64 || n_bytes > u64::from(u32::MAX) {
         return Ok(None);
     }
@@ -272,7 +276,7 @@ fn next_record(reader: &mut impl Read, left: u64) -> io::Result<Option<Vec<u8>>>
     Ok(read_whole(reader, &mut record[RECORD_HEAD..])?.then_some(record))
 }
 
-/// Fills `bytes`, or tells that the file ends before.
+/// Fills `bytes`; returns false if the file ends before.
 fn read_whole(reader: &mut impl Read, bytes: &mut [u8]) -> io::Result<bool> {
     match reader.read_exact(bytes) {
         Ok(()) => Ok(true),
@@ -281,7 +285,7 @@ fn read_whole(reader: &mut impl Read, bytes: &mut [u8]) -> io::Result<bool> {
     }
 }
 
-/// Returns the head of the file of a geometry: everything that the links depend on goes into its hash.
+/// Returns the head of the file of a geometry, with a hash of everything that the links depend on.
 fn head(scene: &VoxelScene, directions: &[Direction]) -> Vec<u8> {
     let mut hash = Sha256::new();
     let mut add = |numbers: &[i32]| numbers.iter().for_each(|n| hash.update(n.to_le_bytes()));
@@ -345,7 +349,7 @@ fn decode(record: &[u8]) -> io::Result<Chunk> {
     })
 }
 
-/// Returns the u64 at a place of a record's head.
+/// Returns the u64 at an offset in a record's head.
 fn number(record: &[u8], at: usize) -> u64 {
     let mut bytes = [0; 8];
     bytes.copy_from_slice(&record[at..at + 8]);
@@ -360,7 +364,7 @@ mod tests {
     use crate::progress::Silent;
     use crate::scene::builtin;
 
-    /// A record that its checksum confirms, and that is none of this scene, is not believed: in a part it is written anew, a whole file is refused.
+    /// A record with a right checksum and links of another scene is rejected: in a part it is written anew, a whole file is refused.
     #[test]
     fn records_with_right_checksums_and_wrong_links_are_not_believed() {
         let scene = VoxelScene::new(&builtin::build("cube", None).unwrap().scene, 7).unwrap();
@@ -381,7 +385,7 @@ mod tests {
         for record in [
             changed(&|chunk| chunk.tally.n_links += 1),
             changed(&|chunk| chunk.tally.n_backs += 1),
-            // To a surfel that there is not.
+            // To a surfel that does not exist.
             changed(&|chunk| same_length(&mut chunk.bytes, &[0xff, 0xff, 0xff, 0xff, 0x0f])),
             // A code without an end.
             changed(&|chunk| chunk.bytes.fill(0xff)),
@@ -397,7 +401,7 @@ mod tests {
                 chunk.bytes.truncate(chunk.ends[chunk.ends.len() - 1] as usize);
             }),
             encode(&Chunk::default()),
-            // More bytes than there are, with a head that says so.
+            // More bytes than exist, with a head that states them.
             [&u64::from(u32::MAX - 7).to_le_bytes(), &[0; 32][..]].concat(),
             [&0_u64.to_le_bytes()[..], &u64::from(u32::MAX).to_le_bytes(), &[0; 40]].concat(),
         ] {

@@ -1,7 +1,7 @@
 //! The links I(x, v), packed.
 //!
 //! The links of a surfel are stored for the directions in front of it, in the sphere's order, as differences: neighbouring
-//! directions see neighbouring voxels. A code is 0 for a back, 1 for nothing, and otherwise 2 + the zigzag of the difference from the last
+//! directions see neighbouring voxels. A code is 0 for a back, 1 for no hit, and otherwise 2 + the zigzag of the difference from the last
 //! surfel seen; codes are written seven bits a byte, the lowest first, with the top bit set where more follow.
 
 use std::ops::Range;
@@ -31,13 +31,13 @@ const FIRST: u32 = 2;
 /// The packed links of [`ROWS_PER_CHUNK`] surfels.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Chunk {
-    /// Where each row ends in `bytes`.
+    /// The end of each row in `bytes`.
     pub(super) ends: Vec<u32>,
     pub(super) bytes: Vec<u8>,
     pub(super) tally: Tally,
 }
 
-/// How many links there are, and of which kind.
+/// The number of links, by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[expect(clippy::struct_field_names, reason = "counts are named n_ everywhere")]
 pub(super) struct Tally {
@@ -46,16 +46,18 @@ pub(super) struct Tally {
     pub(super) n_escaped: u64,
 }
 
-/// Where links are between passes.
+/// The place of the links between passes.
 #[derive(Debug)]
 enum Storage {
     Memory(Vec<Chunk>),
     Disk(LinkFile),
-    /// Nowhere: each pass finds them again.
+    /// None: each pass finds them again.
     Recompute,
 }
 
-/// All links of a scene: what each surfel sees in each direction in front of it. Geometry only: new materials and lights can use them again.
+/// All links of a scene: the first hit of each surfel in each direction in front of it.
+///
+/// They depend on geometry only: new materials and lights can use them again.
 #[derive(Debug)]
 pub struct Links {
     storage: Storage,
@@ -64,7 +66,7 @@ pub struct Links {
 }
 
 impl Links {
-    /// Finds all links and keeps them in memory, on all threads; the result does not depend on their number.
+    /// Finds all links and stores them in memory, on all threads; the result does not depend on their number.
     ///
     /// Where the caller cancels the work, links are missing.
     #[must_use]
@@ -92,9 +94,9 @@ impl Links {
         }
     }
 
-    /// Finds all links and streams them to a file, or takes them from it if it holds those of this geometry, resolution and radius.
+    /// Finds all links and streams them to a file, or reads them from it if it holds those of this geometry, resolution and radius.
     ///
-    /// Each record carries a checksum. A run that is killed leaves `path` with `.part` at its end, and the next one goes on from there; a run that fails,
+    /// Each record has a checksum. A run that is killed leaves `path` with `.part` at its end, and the next one continues it; a run that fails,
     /// as for want of room, leaves nothing.
     ///
     /// # Errors
@@ -114,9 +116,9 @@ impl Links {
         })
     }
 
-    /// Keeps no links: each pass finds them again, in constant memory.
+    /// Stores no links: each pass finds them again, in constant memory.
     ///
-    /// How many of them end at backs or leave the scene is not known.
+    /// The numbers of links that end at backs or leave the scene are unknown.
     #[must_use]
     pub fn recomputed(scene: &VoxelScene, sphere: &DiscreteSphere) -> Self {
         let counts = n_in_front(scene, &sphere.directions().iter().map(|d| d.vector));
@@ -137,13 +139,13 @@ impl Links {
         self.tally.n_links
     }
 
-    /// Returns how many links end at a back; `None` where links are [recomputed](Self::recomputed).
+    /// Returns the number of links that end at a back face; `None` where links are [recomputed](Self::recomputed).
     #[must_use]
     pub fn n_backs(&self) -> Option<u64> {
         self.is_tallied().then_some(self.tally.n_backs)
     }
 
-    /// Returns how many links leave the scene; `None` where links are [recomputed](Self::recomputed).
+    /// Returns the number of links that leave the scene; `None` where links are [recomputed](Self::recomputed).
     #[must_use]
     pub fn n_escaped(&self) -> Option<u64> {
         self.is_tallied().then_some(self.tally.n_escaped)
@@ -153,7 +155,7 @@ impl Links {
         !matches!(self.storage, Storage::Recompute)
     }
 
-    /// Returns the memory, or the room on the disk, that the links take.
+    /// Returns the memory, or the space on the disk, of the links.
     #[must_use]
     pub fn n_bytes(&self) -> u64 {
         let of_chunk = |chunk: &Chunk| (chunk.bytes.capacity() + 4 * chunk.ends.capacity()) as u64;
@@ -164,7 +166,7 @@ impl Links {
         }
     }
 
-    /// Returns why links could not be read since the last call; what was computed since then is worthless.
+    /// Returns the first failure to read links since the last call; results computed since then are invalid.
     #[must_use]
     pub fn failure(&self) -> Option<VoxelError> {
         match &self.storage {
@@ -215,7 +217,7 @@ impl Tally {
 }
 
 impl Chunk {
-    /// Returns a chunk whose surfels see nothing: what stands for work that was cancelled.
+    /// Returns a chunk whose surfels see nothing, in place of work that was cancelled.
     fn without_links(scene: &VoxelScene, k: usize) -> Self {
         let n_rows = ROWS_PER_CHUNK.min(scene.n_surfels() - k * ROWS_PER_CHUNK);
         Self {
@@ -237,8 +239,9 @@ impl Chunk {
         chunk
     }
 
-    /// Returns whether these can be the links of chunk k: of each of its surfels one for each direction in front (`n_in_front`, by normal), to surfels that there
-    /// are, and as many of each kind as the tally says.
+    /// Returns whether these can be the links of chunk k.
+    ///
+    /// Each of its surfels must have one for each direction in front (`n_in_front`, by normal), to surfels that exist, and as many of each kind as the tally has.
     pub(super) fn fits(&self, scene: &VoxelScene, n_in_front: &[u64], k: usize) -> bool {
         let rows = k * ROWS_PER_CHUNK..((k + 1) * ROWS_PER_CHUNK).min(scene.n_surfels());
         if self.ends.len() != rows.len() {
@@ -266,7 +269,7 @@ impl Chunk {
 pub(super) struct Row {
     pub(super) bytes: Vec<u8>,
     pub(super) tally: Tally,
-    /// The last surfel seen, or at first the row's own.
+    /// The last surfel seen, or the row's own at first.
     last: u32,
 }
 
@@ -349,7 +352,7 @@ pub(super) fn for_each_seen(row: &[u8], surfel: usize, mut seen: impl FnMut(usiz
     }
 }
 
-/// Counts the links of a row; `None` for what [`encode_row`] does not write.
+/// Counts the links of a row; `None` for bytes that [`encode_row`] does not write.
 fn tally_of(row: &[u8], surfel: usize, n_surfels: usize) -> Option<Tally> {
     let mut tally = Tally::default();
     let mut last = u32::try_from(surfel).ok()?;

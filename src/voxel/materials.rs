@@ -11,18 +11,18 @@ pub struct Materials {
     pub reflectance: Block,
     /// E, W/m².
     pub exitance: Block,
-    /// E as it goes into the radiosity system, W/m²: Σ E A |n|_max / h² over the surfels of the voxel that look the same way.
+    /// E in the radiosity system, W/m²: Σ E A |n|_max / h² over the surfels of the voxel that look the same way.
     ///
     /// A face rarely fills its voxels, and a small emitter that is rounded up to whole voxels sends too much light. A plane with the normal n has h²/|n|_max in a
-    /// voxel of the side h; a surfel of that size sends what the true areas A would. Lines see one surfel of a voxel, the first of those that look the same way, so each of them
-    /// sends for all: a lamp smaller than its voxel shines, though the ceiling around it is what is seen. The power of every emitter is right at any resolution, its outline is
+    /// voxel of the side h; a surfel of that size with this E sends as much as the true areas A. Lines see one surfel of a voxel, the first of those that look the same way, so that each of them
+    /// sends for all: a lamp smaller than its voxel shines, although lines see the ceiling around it. The power of every emitter is right at any resolution, its outline is
     /// that of the voxels.
     /// Departures from Malgouyres 2002: he takes E.
     pub emission: Block,
 }
 
 impl Materials {
-    /// Looks up the materials of all surfels; grey scenes need one channel of the three.
+    /// Reads the materials of all surfels; grey scenes need one channel of the three.
     #[must_use]
     pub fn new(scene: &Scene, voxels: &VoxelScene, n_channels: usize) -> Self {
         let material = |s: &Surfel| {
@@ -63,7 +63,7 @@ impl Materials {
 }
 
 impl VoxelScene {
-    /// Returns what the surfels send, one after the other.
+    /// Returns the emission of the surfels, one after the other.
     fn emission<'a>(
         &'a self,
         exitance: impl Fn(&Surfel) -> [f64; 3] + Copy + 'a,
@@ -71,7 +71,7 @@ impl VoxelScene {
         let normal = |s: &Surfel| self.normals[s.normal as usize].unit;
         let sent = move |k: usize, in_voxel: std::ops::Range<usize>| {
             let s = &self.surfels[k];
-            // Near a thin wall, those that look to the same side.
+            // Near a thin wall, only surfels that look to the same side.
             let is_alike = |&t: &usize| {
                 normal(s).dot(normal(&self.surfels[t])) > SMOOTH && (t == k || self.nodes(k) & self.nodes(t) != 0)
             };
@@ -94,7 +94,7 @@ mod tests {
     use super::*;
     use crate::scene::builtin;
 
-    /// The power that lines from straight in front of it see the lamp send.
+    /// The power of the lamp by lines from straight in front of it.
     fn power_seen(voxels: &VoxelScene, emission: &Block) -> f64 {
         let pixel = voxels.grid.voxel_size.powi(2);
         let firsts = voxels.first_surfel.windows(2).map(|ends| {

@@ -8,7 +8,7 @@
 //! Every surface voxel x gathers light along the directions v of a discrete sphere:
 //! B(x) = E(x) + ρ(x) Σ_v B(I(x, v)) cos θ(x, v) A(v), where I(x, v) is the first surface voxel on the discrete line from x towards x + v.
 //!
-//! [`solve_adaptively`] joins voxels to cells where the light is even: [`Cells`] are the unknowns, the voxels still decide visibility.
+//! [`solve_adaptively`] joins voxels to cells where the light is even: [`Cells`] are the unknowns, and the voxels still decide visibility.
 //!
 //! Error: of first order in the voxel's side. [`Materials::emission`] gives emitters the power of their true areas. Cells save links and memory rather than time.
 //! Scale, speed and errors: measured in `docs/performance.md`.

@@ -13,12 +13,12 @@ pub(super) const EMPTY: u32 = u32::MAX;
 /// The surface voxels of a scene.
 ///
 /// The two lowest levels of the octree are a mask of 4 × 4 × 4 voxels. The levels above them are flattened into tables over all bricks,
-/// so that a leaf is found with one look, not with log W: for each of the eight octants of directions a brick knows the side of the largest empty cube
-/// that begins there and extends along the octant. Such a cube holds the octree's leaf or goes beyond it.
+/// so that a leaf is found in one access instead of log W: for each of the eight octants of directions a brick has the side of the largest empty cube
+/// that begins there and extends along the octant. Such a cube contains the octree's leaf or extends beyond it.
 ///
-/// A surface voxel is known by its *rank*: bricks in Morton order, x fastest inside a brick.
+/// A surface voxel is identified by its *rank*: bricks in Morton order, x fastest inside a brick.
 ///
-/// Memory: 12 bytes a brick, and 12 more for each that holds surface: 4.8 MB for 315 × 315 × 190 voxels.
+/// Memory: 12 bytes a brick, and 12 more for each with surface: 4.8 MB for 315 × 315 × 190 voxels.
 ///
 /// Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002), sections 2.3 and 4.1.
 /// Departures: the flattening, and cubes in place of leaves; what a line meets first does not depend on them.
@@ -26,13 +26,13 @@ pub(super) const EMPTY: u32 = u32::MAX;
 pub struct Octree {
     /// Bricks along each axis.
     n_bricks: [usize; 3],
-    /// Per brick, x fastest: its place in `masks`, or [`EMPTY`].
+    /// By brick, x fastest: its index in `masks`, or [`EMPTY`].
     brick: Vec<u32>,
     masks: Vec<u64>,
     /// The rank of the first surface voxel of each mask.
     first_rank: Vec<u32>,
     n_voxels: usize,
-    /// Per octant, in coordinates that grow along it: the side in bricks of the largest empty cube that begins at a brick; 0 for a brick with surface.
+    /// By octant, in coordinates that grow along it: the side in bricks of the largest empty cube that begins at a brick; 0 for a brick with surface.
     empty_cubes: [Vec<u8>; 8],
 }
 
@@ -97,13 +97,13 @@ impl Octree {
         self.n_voxels
     }
 
-    /// Returns the memory that the octree takes.
+    /// Returns the memory of the octree.
     #[must_use]
     pub fn n_bytes(&self) -> usize {
         4 * self.brick.len() + 12 * self.masks.len() + self.empty_cubes.iter().map(Vec::len).sum::<usize>()
     }
 
-    /// Returns the rank of a surface voxel, or `None` for any other, inside the lattice or not.
+    /// Returns the rank of a surface voxel; `None` for any other, inside the lattice or not.
     #[must_use]
     pub fn rank(&self, voxel: Voxel) -> Option<u32> {
         let v = voxel.map(i32::cast_unsigned);
@@ -134,7 +134,7 @@ impl Octree {
         self.n_bricks
     }
 
-    /// Returns the place of a brick that holds surface, among the masks; the place is counted x fastest, in the coordinates of the lattice.
+    /// Returns the index among the masks of a brick with surface; `place` counts bricks x fastest, in the coordinates of the lattice.
     pub(super) fn brick_at(&self, place: usize) -> u32 {
         self.brick[place]
     }
@@ -157,6 +157,8 @@ impl Octree {
         (z * self.n_bricks[1] + y) * self.n_bricks[0] + x
     }
 
+    /// Returns the sides of the empty cubes along an octant.
+    ///
     /// A cube of side s begins at a brick if cubes of side s − 1 begin at it and at its seven neighbours along the octant.
     fn empty_cubes_of(&self, octant: usize) -> Vec<u8> {
         let [nx, ny, nz] = self.n_bricks;
@@ -177,7 +179,7 @@ impl Octree {
                     }
                     let beyond = |dx: usize, dy: usize, dz: usize| {
                         let (x, y, z) = (x + dx, y + dy, z + dz);
-                        // Beyond the lattice nothing is known: a cube ends there.
+                        // A cube ends at the border of the lattice.
                         if x < nx && y < ny && z < nz {
                             sides[place(x, y, z)]
                         } else {

@@ -1,4 +1,4 @@
-//! The form factors that the links stand for, as an operator that all solvers take.
+//! The form factors of the links, as an operator for all solvers.
 
 use rayon::prelude::*;
 
@@ -12,7 +12,7 @@ use crate::matrix::operator::{Block, LinearOperator, RowAccess};
 pub trait Gather: LinearOperator {
     /// Computes Σ_v B(I(x, v)) cos θ A for the unknowns from `first` on, one row of `sums` each, on all threads.
     ///
-    /// Where links cannot be read the sums are not numbers, so that no solver takes them for light; see [`Links::failure`].
+    /// Where links cannot be read the sums are NaN, so that no solver uses them as light; see [`Links::failure`].
     fn gather(&self, first: usize, x: &Block, sums: &mut [f64]);
 
     /// Returns the areas of the unknowns, m².
@@ -34,7 +34,7 @@ pub struct LinkOperator<'a> {
 }
 
 impl<'a> LinkOperator<'a> {
-    /// Puts links and weights together; all must come from the same scene and sphere.
+    /// Makes the operator of links and weights, which must come from the same scene and sphere.
     #[must_use]
     pub fn new(scene: &'a VoxelScene, sphere: &'a DiscreteSphere, links: &'a Links, row_weights: RowWeights) -> Self {
         Self {
@@ -47,7 +47,7 @@ impl<'a> LinkOperator<'a> {
     /// Returns the power that links carry between regions of air that surfaces close off from each other, W, \[c\].
     ///
     /// Σ_x A_x Σ_v B(I(x, v)) cos θ(x, v) A(v) over the links whose ends look into different regions, exactly: 0 unless lines leak. The regions are found without lines.
-    /// Links that end in a sub-voxel gap, which has no region, are not counted. Not numbers where links cannot be read; see [`Links::failure`].
+    /// Links that end in a sub-voxel gap, which has no region, are not counted. NaN where links cannot be read; see [`Links::failure`].
     ///
     /// `radiosity`: B, W·m⁻², \[n, c\].
     #[must_use]
@@ -92,7 +92,7 @@ impl<'a> LinkOperator<'a> {
     }
 }
 
-/// Adds to `power` what the links of a surfel of an area bring from other regions of air.
+/// Adds to `power` the power that the links of a surfel of an area bring from other regions of air.
 pub(super) fn add_leak<'b>(
     scene: &VoxelScene,
     weights: &Weights<'_>,
@@ -124,7 +124,7 @@ pub(super) fn summed(powers: &[Vec<f64>], n_channels: usize) -> Vec<f64> {
     sums
 }
 
-/// Adds Σ_v B(I(x, v)) cos θ A of a surfel's links to `sums`, one per channel; `unknown` tells which row of `x` a surfel's radiosity is.
+/// Adds Σ_v B(I(x, v)) cos θ A of a surfel's links to `sums`, one per channel; `unknown` returns the row of `x` that is a surfel's radiosity.
 pub(super) fn gather_row(
     weights: &Weights<'_>,
     surfel: usize,
@@ -256,7 +256,7 @@ impl RowAccess for LinkOperator<'_> {
                 for_each_seen(row, i, |k, seen| entries.push((seen, weights[k])));
             });
         });
-        // Several directions see one surfel.
+        // Several directions may see one surfel.
         entries.sort_by_key(|entry| entry.0);
         for same in entries.chunk_by(|a, b| a.0 == b.0) {
             visit(same[0].0, same.iter().map(|entry| entry.1).sum());
@@ -301,7 +301,7 @@ mod tests {
         scene
     }
 
-    /// The same light once with the sides of walls apart and once as by normals alone: what leaks is counted.
+    /// The same light, once with the sides of walls apart and once by normals alone: the leak is counted.
     #[test]
     fn a_leak_is_seen() {
         let scene = cube_in_cube();
@@ -312,7 +312,7 @@ mod tests {
             let links = Links::in_memory(kept, &sphere, &Silent);
             let operator = LinkOperator::new(kept, &sphere, &links, RowWeights::Normalised);
             let n = kept.n_surfels();
-            // Only what is outside of the inner cube emits, 1 W/m².
+            // Only surfaces outside the inner cube emit, 1 W/m².
             let emits = |s: usize| kept.surfels[s].face.0 < 6;
             let e = Block::from_values((0..n).map(|s| f64::from(u8::from(emits(s)))).collect(), 1);
             let rho = Block::from_values(vec![0.5; n], 1);

@@ -9,7 +9,7 @@ use super::discretize::VoxelScene;
 use crate::matrix::operator::Block;
 use crate::render::{Image, Samples, Sight as Line, View};
 
-/// The surfel of a pixel's centre, and how it is met.
+/// The surfel at a pixel's centre, with the side and the depth of the hit.
 struct Hit {
     surfel: usize,
     normal: DVec3,
@@ -80,7 +80,7 @@ pub fn picture(voxels: &VoxelScene, radiosity: &Block, view: &dyn View) -> Image
     image
 }
 
-/// Walks voxel by voxel from the eye, or from where the ray enters the lattice.
+/// Walks voxel by voxel from the eye, or from the point where the ray enters the lattice.
 fn trace(voxels: &VoxelScene, origin: DVec3, direction: DVec3, depth_axis: DVec3) -> Option<Hit> {
     let eye = voxels.grid.to_lattice(origin);
     let step = direction / voxels.grid.voxel_size;
@@ -89,7 +89,7 @@ fn trace(voxels: &VoxelScene, origin: DVec3, direction: DVec3, depth_axis: DVec3
     let mut side = 0;
     for a in 0..3 {
         let (t0, t1) = ((-0.5 - eye[a]) / step[a], (size[a] - 0.5 - eye[a]) / step[a]);
-        // Along a plane of the lattice both are infinite or no numbers; min and max pass over the latter.
+        // Along a plane of the lattice both are infinite or NaN; min and max ignore NaN.
         if t0.min(t1) > enter {
             enter = t0.min(t1);
             side = a;
@@ -115,7 +115,7 @@ fn trace(voxels: &VoxelScene, origin: DVec3, direction: DVec3, depth_axis: DVec3
             let mut normal = DVec3::ZERO;
             normal[side] = -step[side].signum();
             let facing = voxels.normal(surfel).unit;
-            // A side of the cube that the surface does not see from is shown as the surface would be.
+            // A side of the cube in a direction from which the surface does not see is shown with the surface's own normal.
             let normal = if facing.dot(direction) < 0.0 && facing.dot(normal) <= 0.0 {
                 facing
             } else {

@@ -18,7 +18,7 @@ pub enum Form {
     InPlace,
 }
 
-/// The most parts into which the surfels are cut for [`Form::InPlace`]: a part is computed on all threads from the newest values of all parts before it.
+/// The most parts into which the surfels are cut for [`Form::InPlace`]; each is computed on all threads from the newest values of all parts before it.
 const N_PARTS: usize = 256;
 
 /// Radiosities after some propagations.

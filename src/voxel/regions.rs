@@ -13,27 +13,27 @@ use super::octree::{self, EMPTY};
 use super::thin::{AT_CENTRE, Side, Sides};
 use crate::disjoint_sets::DisjointSets;
 
-/// No region is known: a surfel without air in front of it, or a voxel's centre that is none.
+/// Marks a surfel without air in front of it, or a voxel's centre outside all regions.
 const UNKNOWN: u32 = u32::MAX;
 
 /// The regions of air of a scene in which surfaces close off several from each other, as the two sides of a sealed room's walls.
 ///
 /// A region is a set of voxels between which there are 6-paths whose steps, from centre to centre, no face crosses.
-/// It is found without any line, and so light that passes from one to the other shows that lines leak.
+/// It is found without any line, so that light which passes from one region to another shows a leak of the lines.
 #[derive(Clone, Debug)]
 pub(super) struct Regions {
     bricks: Bricks,
     /// By node.
     region: Vec<u32>,
-    /// By surfel: the region that it looks into.
+    /// By surfel: the region in front of it.
     of_surfel: Vec<u32>,
 }
 
-/// Numbers voxels so that all of an empty brick share one: the nodes. Node 0 is what lies beyond the lattice.
+/// A numbering of voxels in which all of an empty brick share one number, its node; node 0 is the space beyond the lattice.
 #[derive(Clone, Debug)]
 struct Bricks {
     n: [usize; 3],
-    /// By brick, x fastest: its first node, and whether each of its voxels has one of its own.
+    /// By brick, x fastest: its first node, and whether each of its voxels has a separate one.
     first: Vec<(u32, bool)>,
     n_nodes: usize,
 }
@@ -55,7 +55,7 @@ impl Bricks {
         }
     }
 
-    /// Calls `work` with each brick's coordinates, and whether its voxels have nodes of their own.
+    /// Calls `work` with each brick's coordinates, and whether its voxels have separate nodes.
     fn each(&self, mut work: impl FnMut(Voxel, bool)) {
         let [nx, ny, nz] = self
             .n
@@ -127,12 +127,12 @@ impl Regions {
         })
     }
 
-    /// Returns the memory that they take.
+    /// Returns the memory of the regions.
     pub(super) fn n_bytes(&self) -> usize {
         size_of::<(u32, bool)>() * self.bricks.first.len() + 4 * (self.region.len() + self.of_surfel.len())
     }
 
-    /// Returns the region that a surfel looks into, if that is known.
+    /// Returns the region in front of a surfel, if it is known.
     pub(super) fn of_surfel(&self, surfel: usize) -> Option<u32> {
         Some(self.of_surfel[surfel]).filter(|&region| region != UNKNOWN)
     }
@@ -166,7 +166,7 @@ impl VoxelScene {
                 .is_some_and(|region| region != regions.of_voxel(ahead))
     }
 
-    /// Returns a voxel whose centre is in the air that a surfel looks into, if one is known.
+    /// Returns a voxel whose centre is in the air in front of a surfel, if one is known.
     fn looks_into(&self, surfel: usize, rank: u32, sides: &Sides) -> Option<Voxel> {
         let side = if self.is_thin(surfel) {
             Some(self.nodes(surfel).trailing_zeros()).filter(|&side| side <= AT_CENTRE)

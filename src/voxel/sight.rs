@@ -12,34 +12,35 @@ pub enum Sight {
     Surfel(u32),
     /// The back of a surface: black.
     Back,
-    /// Nothing: the line leaves the scene.
+    /// No hit: the line leaves the scene.
     Escaped,
 }
 
-/// A share of a voxel's height below 1 that counts as 1: above the error of integer heights.
+/// The binary digits of the tolerance on a voxel's height of 1, 2⁻¹⁶, which is above the error of integer heights.
 const HEIGHT_SLACK: u32 = 16;
 
 impl VoxelScene {
-    /// Returns what surfel `surfel` sees along `direction`: I(x, v). Only integers are calculated with.
-    /// [`Self::sights`] tells the same of many surfels and directions in a fraction of the time.
+    /// Returns the first hit of surfel `surfel` along `direction`, I(x, v), by integer arithmetic only.
+    ///
+    /// [`Self::sights`] returns the same for many surfels and directions in a fraction of the time.
     ///
     /// The starting rule. Let n be the surfel's normal, a the axis of its largest component, and the height of a voxel over x its distance from x's plane
     /// measured along a. All voxels of a plane have heights in (−1, 1) over one another.
     /// 1. Another surfel of the voxel x itself is seen if it faces the line and if the two faces rise above each other's planes, as in the corner of a room. The edge of a
     ///    table and the two sides of a sheet do not.
-    /// 2. As long as the line's voxel has a height below 1, the voxel above it (along a, towards the front) at a height in \[1, 2) is looked at in its stead; once
-    ///    the line is so high that its voxels stay above 1, its own. Where the voxels that are looked at do not adjoin, those between them are looked at too: they form a
+    /// 2. As long as the line's voxel has a height below 1, the voxel above it (along a, towards the front) at a height in \[1, 2) is tested in its place; once
+    ///    the line is so high that its voxels stay above 1, its own. Where the tested voxels do not adjoin, those between them are tested too: they form a
     ///    6-path that begins in front of x, not in the surface.
     /// 3. The first surface voxel on that path ends it. Until the path has met a free voxel, surface voxels all of whose surfels face away from the
     ///    line do not count: x then touches another surface and looks away from it.
     ///
     /// So a plane never hides from itself, and a line from the inside of a 6-separating surface does not get out.
-    /// Of several surfels in the voxel seen, the one counts that faces the line most. If all face away, it is a back, unless one does so by less than 17.5°, cos = 0.3: lines that graze
-    /// a silhouette meet the voxels just behind it, because surfaces are one voxel thick, and see the object, not darkness.
+    /// Of several surfels in the voxel seen, the one counts that faces the line most. If all face away, the hit is a back, unless one does so by less than 17.5°, cos = 0.3: lines that graze
+    /// a silhouette meet the voxels just behind it, because surfaces are one voxel thick, and must see the object, not darkness.
     ///
     /// Source: [`MALGOUYRES_2002`](crate::references::MALGOUYRES_2002), section 4.1, step 1 to 4; the choice of the first voxel ("a bit tricky") is ours.
-    /// Near [thin walls](Self::thin_walls) the path keeps to voxels whose centres are in the air that x looks into, and of a voxel's surfels only those count that look
-    /// to where it comes from: so no line passes a closed surface, however thin.
+    /// Near [thin walls](Self::thin_walls) the path keeps to voxels whose centres are in the air in front of x, and of a voxel's surfels only those count that look
+    /// to its origin: so no line passes a closed surface, however thin.
     #[must_use]
     pub fn sight(&self, surfel: usize, direction: &Direction) -> Sight {
         match self.start(surfel, direction) {
@@ -49,7 +50,7 @@ impl VoxelScene {
         }
     }
 
-    /// Returns what the line of surfel `surfel` sees from `place` on.
+    /// Returns the hit of the line of surfel `surfel` from `place` on.
     pub(super) fn sight_from(&self, surfel: usize, direction: &Direction, mut place: Place) -> Sight {
         let voxel = self.surfels[surfel].voxel();
         while let Some(rank) = first_surface(&self.octree, voxel, direction, place) {
@@ -63,7 +64,7 @@ impl VoxelScene {
         Sight::Escaped
     }
 
-    /// Returns how the line of surfel `surfel` along `direction` begins.
+    /// Returns the start of the line of surfel `surfel` along `direction`.
     pub(super) fn start(&self, surfel: usize, direction: &Direction) -> Start {
         if let Some(seen) = self.seen_in_own_voxel(surfel, direction) {
             return Start::Own(seen);
@@ -81,7 +82,9 @@ impl VoxelScene {
         }
     }
 
-    /// The start near a thin wall, where x does not look to the voxel above it: from its own voxel's centre or, if it does not look there, from a neighbour's towards which the line goes.
+    /// Returns the start near a thin wall, where x does not look to the voxel above it.
+    ///
+    /// The line starts from its own voxel's centre or, if x does not look there, from a neighbour's towards which it goes.
     fn start_beside(&self, surfel: usize, direction: &Direction) -> Start {
         let nodes = self.nodes(surfel);
         let mut counts = [0; 3];
@@ -114,7 +117,7 @@ impl VoxelScene {
         self.most_facing(faced, direction).map(Sight::Surfel)
     }
 
-    /// Returns what a line sees of the surface voxel of a rank that it enters from `side`.
+    /// Returns the hit of a line in the surface voxel of a rank, which it enters from `side`.
     pub(super) fn front(&self, rank: u32, direction: &Direction, side: impl FnOnce() -> Side) -> Sight {
         let range = self.surfels_of(rank);
         // Where several surfels face the line alike, the first.
@@ -146,10 +149,10 @@ impl VoxelScene {
         seen.map(|(_, s)| id(s))
     }
 
-    /// Returns whether the line goes on through the surface voxel of a rank, which it enters and leaves as `way` tells.
+    /// Returns whether the line continues through the surface voxel of a rank, which it enters and leaves by the sides of `way`.
     ///
-    /// It does so while it is `leaving` the surface that it begins in, if all of the voxel's surfels face away. Near thin walls it does so wherever no face is in its way
-    /// and all surfels that look to where it comes from face away: it passes in front of them.
+    /// It does so while it is `leaving` the surface in which it begins, if all of the voxel's surfels face away. Near thin walls it does so wherever no face is in its way
+    /// and all surfels that look to its origin face away: it passes in front of them.
     pub(super) fn lets_pass(
         &self,
         rank: u32,
@@ -176,7 +179,7 @@ impl VoxelScene {
         std::array::from_fn(|a| (voxel[a] - origin[a]).unsigned_abs())
     }
 
-    /// Returns by which sides the line from `origin` enters and leaves the voxel of a rank, which it meets.
+    /// Returns the sides by which the line from `origin` enters and leaves the voxel of a rank, which it meets.
     pub(super) fn way_through(
         &self,
         rank: u32,
@@ -194,7 +197,7 @@ impl VoxelScene {
         )
     }
 
-    /// Goes on until the line is in a free voxel or sees a front.
+    /// Follows the line until it is in a free voxel or sees a front.
     fn leave_surfaces(&self, voxel: Voxel, direction: &Direction, mut place: Place) -> Start {
         while let Some(rank) = self.octree.rank(direction.voxel(voxel, place.counts)) {
             let way = || self.way_through(rank, voxel, direction, place.at_least);
@@ -214,7 +217,7 @@ impl VoxelScene {
         // The voxels of a line stray from it by up to half of this height, up and down: once one is so far above 1, no later one falls below 1.
         let stray: i64 = normal.integer.iter().map(|n| i64::from(n.unsigned_abs())).sum();
         let clear = one + stray;
-        // How far the voxel that is looked at lies above one whose height is known.
+        // The height of the tested voxel above one of known height.
         let lift_at = |height: i64| {
             let missing = (one - height).max(0);
             i32::try_from((missing + unit - 1) / unit).expect("the depth of a voxel under a plane, in voxels")
@@ -225,7 +228,7 @@ impl VoxelScene {
         let mut previous = voxel;
         let mut met_free = false;
         let mut looked_at: Option<Voxel> = None;
-        // Returns the surface voxel that ends the path, and the side that it is entered from.
+        // Returns the surface voxel that ends the path, and the side by which the path enters it.
         let mut look = |place: Voxel| {
             let before = looked_at.replace(place);
             let rank = self.octree.rank(place);
@@ -241,7 +244,7 @@ impl VoxelScene {
                     met_free = true;
                     None
                 }
-                // Where the path leaves this voxel is known at the next one.
+                // The side by which the path leaves this voxel is known at the next one.
                 Some(rank) => {
                     let passes = self.lets_pass(rank, direction, !met_free, || (from, AT_CENTRE));
                     (!passes).then_some((rank, from))
@@ -261,7 +264,7 @@ impl VoxelScene {
             let at = direction.voxel(voxel, counts);
             height += i64::from(normal.integer[step]) * i64::from(direction.vector()[step].signum());
             let next = lift_at(height);
-            // Up before going sideways, down after it: never through a height below 1. A step along the axis may leave the voxel looked at where it is.
+            // Up before going sideways, down after it: never through a height below 1. A step along the axis may leave the tested voxel in place.
             let (top, seen_last) = (lift.max(next), lifted(previous, lift));
             let rising = (lift + 1..=top).filter(|_| step != axis).map(|k| lifted(previous, k));
             let falling = (next..=top)
@@ -301,7 +304,7 @@ impl VoxelScene {
     }
 }
 
-/// The start from a plane across an axis: the line runs one voxel ahead along it until it has caught up.
+/// Returns the start from a plane across an axis: the line runs one voxel ahead along it until it has caught up.
 pub(super) fn start_from_axis(normal: &Normal) -> Place {
     let mut at_least = [0; 3];
     at_least[normal.axis] = 1;
@@ -333,12 +336,12 @@ fn id(surfel: usize) -> u32 {
     u32::try_from(surfel).expect("surfels are counted in 32 bits")
 }
 
-/// How a line begins.
+/// The start of a line.
 pub(super) enum Start {
-    /// It ends in the voxel that it comes from.
+    /// It ends in its own voxel.
     Own(Sight),
     /// It sees a surface voxel at once, by rank, from a side of it.
     Seen(u32, Side),
-    /// It goes on from here.
+    /// It continues from here.
     Free(Place),
 }

@@ -18,9 +18,9 @@ impl VoxelScene {
         start..start + n
     }
 
-    /// Returns what each of the surfels sees along each of the directions: [`Self::sight`], or `None` where the direction is not in front of the surfel.
+    /// Returns the first hit of each of the surfels along each of the directions, [`Self::sight`]; `None` where the direction is not in front of the surfel.
     ///
-    /// Shape: one row for each surfel, one column for each direction. Lines that begin in the same brick are walked together, which takes a fraction of the time of one by one.
+    /// Shape: one row for each surfel, one column for each direction. Lines that begin in the same brick are traced together, which takes a fraction of the time of single lines.
     ///
     /// # Panics
     /// If there is no such surfel.
@@ -45,10 +45,10 @@ impl VoxelScene {
     }
 }
 
-/// Fewer surfels than this look one by one: a bundle of them costs more than their lines.
+/// The fewest surfels that are traced as a bundle; for fewer, it costs more than their lines.
 const WORTH_A_BUNDLE: usize = 3;
 
-/// The surfels of a brick that see.
+/// The surfels of a brick whose hits are traced.
 pub(super) struct Watch<'a> {
     scene: &'a VoxelScene,
     surfels: Range<usize>,
@@ -60,11 +60,11 @@ pub(super) struct Watch<'a> {
 /// Surfels with one normal.
 struct Group {
     normal: u32,
-    /// The surfels that begin alike, whatever the direction: bits of their voxels. None of a slope or near a thin wall.
+    /// The surfels that begin alike in all directions: bits of their voxels; empty for a slope or near a thin wall.
     alike: u64,
     /// The number of the surfel, among those of the brick, of each bit of `alike`.
     surfel_of: [u16; 64],
-    /// The others.
+    /// The other surfels.
     single: Vec<u16>,
 }
 
@@ -167,7 +167,7 @@ impl<'a> Watch<'a> {
         }
     }
 
-    /// Begins the line of the `k`-th surfel and adds it to `late`, or returns what it sees.
+    /// Begins the line of the `k`-th surfel and adds it to `late`, or returns its hit.
     fn begin(&self, k: u16, direction: &Direction, late: &mut Late) -> Option<Sight> {
         let surfel = self.surfels.start + usize::from(k);
         match self.scene.start(surfel, direction) {
@@ -188,7 +188,7 @@ impl<'a> Watch<'a> {
         octree::bit(surfel.voxel().map(i32::cast_unsigned))
     }
 
-    /// Walks a bundle, and tells of each line what it sees.
+    /// Traces a bundle, and calls `sees` with each line and its hit.
     #[inline]
     fn walk(&self, bundle: Bundle, direction: &Direction, at_least: [u32; 3], mut sees: impl FnMut(u32, Sight)) {
         let mut left = bundle.lines();
@@ -212,7 +212,7 @@ impl<'a> Watch<'a> {
     }
 }
 
-/// Lines that begin one by one and are walked together.
+/// Lines that begin one by one and are traced together.
 struct Late {
     bundle: Bundle,
     at_least: [u32; 3],

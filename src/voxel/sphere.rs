@@ -7,7 +7,7 @@ use super::VoxelError;
 /// The greatest radius: components of directions then fit into 8 bits.
 pub const MAX_RADIUS: u32 = 255;
 
-/// How the solid angle of a face of the sphere is calculated.
+/// The formula for the solid angle of a face of the sphere.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum SolidAngle {
     /// The element at the face's centre, cos / r²: Malgouyres 2002, section 3.2. Relative error about 1/(8 R²).
@@ -40,7 +40,9 @@ pub struct DiscreteSphere {
 }
 
 impl DiscreteSphere {
-    /// Makes the sphere of a radius, with neighbouring directions near each other: side by side of the cube around it, along a Hilbert curve on each.
+    /// Makes the sphere of a radius, with neighbouring directions near each other in order.
+    ///
+    /// The order is side by side of the cube around it, along a Hilbert curve on each.
     ///
     /// # Errors
     /// [`VoxelError::Radius`] for a radius of 0 or above [`MAX_RADIUS`].
@@ -120,7 +122,7 @@ fn face_weight(vector: [i32; 3], axis: usize, sign: i32, solid_angle: SolidAngle
     }
 }
 
-/// Returns the side of the cube that a direction points at, and its place on a Hilbert curve there.
+/// Returns the side of the cube that a direction points at, and its position on a Hilbert curve there.
 fn place_on_curve(vector: [i32; 3]) -> (usize, u32) {
     let axis = (0..3).rev().max_by_key(|&a| vector[a].abs()).unwrap_or(0);
     let side = 2 * axis + usize::from(vector[axis] < 0);
@@ -129,7 +131,7 @@ fn place_on_curve(vector: [i32; 3]) -> (usize, u32) {
     (side, hilbert(coordinate((axis + 1) % 3), coordinate((axis + 2) % 3)))
 }
 
-/// Returns the place of a cell on the Hilbert curve over 512 × 512 cells.
+/// Returns the position of a cell on the Hilbert curve over 512 × 512 cells.
 fn hilbert(mut x: u32, mut y: u32) -> u32 {
     let mut place = 0;
     let mut s = 256;

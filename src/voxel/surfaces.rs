@@ -9,7 +9,7 @@ use crate::scene::Scene;
 pub struct SurfelMean {
     /// Σ A over its surfels, m².
     pub area: f64,
-    /// How many there are.
+    /// The number of its surfels.
     pub n_surfels: u64,
     /// Σ A x / Σ A of each channel, in the unit of x; 0 without surfels.
     pub value: Vec<f64>,

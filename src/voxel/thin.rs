@@ -1,10 +1,10 @@
-//! Walls thinner than two voxels: where they are, and how their sides stay apart.
+//! Walls thinner than two voxels: detection, and separation of their sides.
 //!
-//! Voxels that hold both sides of a wall, or lie beside voxels that hold the other side, say too little by their normals: at the edge of a sheet, the outside of one wall faces lines
-//! that come from inside, along the other. There the lattice's own topology decides. The centres of the voxels are *nodes*, each in a definite place in the air (or inside a
+//! For voxels that hold both sides of a wall, or lie beside voxels that hold the other side, normals are not enough: at the edge of a sheet, the outside of one wall faces lines
+//! that come from inside, along the other. There the lattice's own topology decides. The centres of the voxels are *nodes*, each at a definite point in the air (or inside a
 //! solid), and two neighbouring nodes are joined unless a face crosses the segment between them. A surfel *looks to* the nodes that its front reaches:
 //! the end of the segment that its face crosses, if no other face crosses between, and all nodes that are joined to that one within the 27 around the voxel.
-//! Lines leave only by these nodes, go on only between joined nodes, and see a surfel only from a node that it looks to. So light passes no closed surface, however thin.
+//! Lines leave only by these nodes, continue only between joined nodes, and see a surfel only from a node that it looks to. So light passes no closed surface, however thin.
 //!
 //! Source: the segments are those of S. Laine, "A Topological Approach to Voxelization", 2013. Departures from Malgouyres 2002: he keeps one normal a voxel.
 
@@ -19,7 +19,7 @@ use crate::geometry::polygon;
 use crate::matrix::operator::Block;
 use crate::scene::{FaceId, Scene, SurfaceId};
 
-/// Pairs of surfaces with the least thickness between their surfels, in voxels, and the number of these.
+/// Pairs of surfaces with the least thickness between their surfels, in voxels, and the number of these surfels.
 type Pairs = BTreeMap<[SurfaceId; 2], (f64, usize)>;
 
 /// A wall thinner than two voxels: two surfaces, back to back in one voxel or in neighbouring ones.
@@ -36,17 +36,17 @@ pub struct ThinWall {
 /// Light that passes between regions of air that surfaces close off from each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leak {
-    /// The power that passes, W, in the channel where it is the greatest share.
+    /// The power that passes, W, in the channel where its share is greatest.
     pub power: f64,
-    /// That power as a share of what is emitted in the channel.
+    /// That power as a share of the emitted power in the channel.
     pub share: f64,
 }
 
-/// The share of what is emitted from which on a leak makes a result wrong.
+/// The share of the emitted power above which a leak makes a result wrong.
 const MAX_LEAK: f64 = 1e-3;
 
 impl Leak {
-    /// Compares the power that leaks with what the surfels emit, both by channel.
+    /// Compares the power that leaks with the emitted power of the surfels, both by channel.
     ///
     /// `power`: W, \[c\], as [`LinkOperator::leak_power`](super::LinkOperator::leak_power) returns it; `exitance`: E, W·m⁻², \[n, c\].
     #[must_use]
@@ -62,7 +62,7 @@ impl Leak {
             .unwrap_or(Self { power: 0.0, share: 0.0 })
     }
 
-    /// Returns whether more leaks than a thousandth of what is emitted.
+    /// Returns whether the leak is above a thousandth of the emitted power.
     #[must_use]
     pub fn is_too_much(&self) -> bool {
         self.share.is_nan() || self.share > MAX_LEAK
@@ -70,7 +70,7 @@ impl Leak {
 }
 
 impl VoxelScene {
-    /// Returns how many voxels along the longest axis make a wall two voxels thick, if so many are possible.
+    /// Returns the number of voxels along the longest axis that makes a wall two voxels thick, if it is possible.
     #[must_use]
     pub fn n_voxels_for(&self, wall: &ThinWall) -> Option<u32> {
         let extent = self.grid.voxel_size * f64::from(self.grid.n_voxels.into_iter().max()? - 1);
@@ -84,19 +84,19 @@ impl VoxelScene {
     }
 }
 
-/// Cosine beyond which two faces are sides of one wall.
+/// The cosine beyond which two faces are sides of one wall.
 const OPPOSED: f64 = -0.5;
 
-/// How far a face may rise above another's plane and be behind it, in voxels.
+/// The height by which a face may rise above another's plane and still be behind it, in voxels.
 const RISE: f64 = 1e-6;
 
-/// Crossings of one segment that are nearer to each other than this, in voxels, are those of a sheet: each side looks away from the other.
+/// The distance, in voxels, below which crossings of one segment are those of a sheet: each side looks away from the other.
 const COINCIDENT: f64 = 1e-6;
 
 /// The side of a voxel from which a line enters: 2 a from the lower neighbour along axis a, 2 a + 1 from the upper one.
 pub(super) type Side = u32;
 
-/// The line begins in the voxel's centre.
+/// Stands for a side where the line begins in the voxel's centre.
 pub(super) const AT_CENTRE: Side = 6;
 
 /// The bits of all nodes: the six neighbours, by [`Side`], and the centre.
@@ -213,17 +213,17 @@ fn plane(voxels: &VoxelScene, scene: &Scene, face: FaceId) -> (DVec3, f64) {
     (normal, normal.dot(voxels.grid.to_lattice(scene.polygon(face)[0])))
 }
 
-/// Which nodes faces look to, in a scene with thin walls.
+/// The nodes that faces look to, in a scene with thin walls.
 pub(super) struct Sides {
     /// The crossings that make voxels surface, by rank and face.
     samples: Vec<Sample>,
-    /// By rank: on which of the six segments to the neighbours faces cross the half that is the voxel's own.
+    /// By rank: the segments to the six neighbours whose half in the voxel a face crosses.
     crossed: Vec<u8>,
     /// The parts of the faces in the voxels of thin walls and in those around them, by rank.
     parts: Vec<(u32, Part)>,
 }
 
-/// A face crosses the segment from a node to the next one along an axis.
+/// A crossing of a face with the segment from a node to the next one along an axis.
 struct OnSegment {
     axis: usize,
     lower: Voxel,
@@ -242,7 +242,7 @@ struct Sample {
 }
 
 impl Sides {
-    /// Sorts out the sides in the voxels `near` thin walls.
+    /// Finds the sides in the voxels `near` thin walls.
     pub(super) fn new(scene: &Scene, voxels: &VoxelScene, near: &[bool], pieces: &Pieces) -> Self {
         let (crossed, samples) = samples(scene, voxels);
         let of_voxels: Vec<(u32, &[(u32, usize)])> =
@@ -266,7 +266,7 @@ impl Sides {
                     parts.push((rank, Part { face, area, nodes }));
                     continue;
                 }
-                // What other faces hide at one crossing is seen beside another: only a face that is hidden at all of them is hidden.
+                // A view that other faces hide at one crossing may be open at another: a face is hidden only if it is at all of them.
                 let seen: Vec<Side> = found.iter().filter_map(|sample| sample.node).collect();
                 if seen.is_empty() {
                     parts.push((rank, Part { face, area, nodes: 0 }));
@@ -305,7 +305,7 @@ impl Sides {
             .find_map(|sample| sample.node)
     }
 
-    /// Returns the parts in the voxel of a rank, if its sides are known, given where they begin at the earliest.
+    /// Returns the parts in the voxel of a rank, if its sides are known; `from` is their earliest possible index.
     pub(super) fn parts_of(&self, rank: u32, from: &mut usize) -> &[(u32, Part)] {
         let n = self.parts[*from..].iter().take_while(|(of, _)| *of == rank).count();
         let found = &self.parts[*from..*from + n];
@@ -313,7 +313,7 @@ impl Sides {
         found
     }
 
-    /// Returns on which of the segments from the voxel of a rank to its neighbours faces cross the voxel's own half.
+    /// Returns the segments from the voxel of a rank to its neighbours whose half in the voxel a face crosses.
     pub(super) fn crossed(&self, rank: u32) -> u8 {
         self.crossed[rank as usize]
     }
@@ -388,12 +388,12 @@ fn samples(scene: &Scene, voxels: &VoxelScene) -> (Vec<u8>, Vec<Sample>) {
 /// The number of the node in the centre of 27.
 const CENTRE: usize = 13;
 
-/// How far along each axis the k-th of 27 nodes lies from the one in their centre.
+/// Returns the offset of the k-th of 27 nodes from the one in their centre.
 fn step(k: usize) -> Voxel {
     [k % 3, k / 3 % 3, k / 9].map(|c| i32::try_from(c).expect("0 to 2") - 1)
 }
 
-/// Returns which of 27 nodes is meant.
+/// Returns the number, among the 27 nodes, of the node on a side.
 fn place_of_side(side: Side) -> usize {
     match side {
         0..6 => {
@@ -408,7 +408,7 @@ fn place_of_side(side: Side) -> usize {
     }
 }
 
-/// The 27 nodes around a voxel: which of them are joined.
+/// The 27 nodes around a voxel, and which of them are joined.
 struct Nodes {
     label: [usize; 27],
 }
@@ -433,7 +433,7 @@ impl Nodes {
         Self { label }
     }
 
-    /// Returns which of the six neighbours and the centre are joined to any of some of the 27 nodes.
+    /// Returns those of the six neighbours and the centre that are joined to any of some of the 27 nodes.
     fn joined(&self, to: u32) -> u8 {
         let is_joined = |side: Side| {
             let label = self.label[place_of_side(side)];
@@ -492,7 +492,7 @@ impl Nearby {
         Self { faces }
     }
 
-    /// Returns which of the 27 nodes around a voxel the middle of a face in it looks to without another face between.
+    /// Returns those of the 27 nodes around a voxel that the middle of a face in it looks to without another face between.
     fn reached(&self, scene: &Scene, voxels: &VoxelScene, voxel: Voxel, face: FaceId) -> u32 {
         let to_lattice =
             |of: FaceId| -> Vec<DVec3> { scene.polygon(of).iter().map(|&v| voxels.grid.to_lattice(v)).collect() };
@@ -527,7 +527,7 @@ fn crosses(corners: &[DVec3], from: DVec3, to: DVec3) -> bool {
     }
     let at = from.lerp(to, before / (before - after));
     let edges = (0..corners.len()).map(|k| (corners[k], corners[(k + 1) % corners.len()]));
-    // A hair beyond its border too: two faces that share an edge leave nothing open.
+    // A hair beyond its border too: two faces that share an edge leave no gap.
     edges
         .into_iter()
         .all(|(a, b)| (b - a).cross(at - a).dot(normal) >= -RISE * (b - a).length())

@@ -18,10 +18,10 @@ pub enum RowWeights {
     Plain,
 }
 
-/// The memory up to which weights are kept for every normal, in bytes; beyond it they are calculated again for each row.
+/// The memory up to which weights are stored for every normal, in bytes; beyond it they are calculated again for each row.
 const KEPT_WEIGHTS: usize = 1 << 29;
 
-/// cos θ A of the directions in front of every surfel of a scene, calculated where they are asked for.
+/// cos θ A of the directions in front of every surfel of a scene, calculated when first needed.
 pub(super) struct Weights<'a> {
     scene: &'a VoxelScene,
     sphere: &'a DiscreteSphere,
@@ -60,7 +60,7 @@ fn weights_of(normal: &Normal, sphere: &DiscreteSphere, row_weights: RowWeights)
     let in_front = sphere.directions().iter().filter(|d| is_in_front(normal, d.vector));
     let weight = |d: &SphereDirection| {
         let v = DVec3::from_array(d.vector.map(f64::from));
-        // A direction that only rounding puts in front has no weight.
+        // A direction that is in front by rounding alone has no weight.
         d.weight * (normal.unit.dot(v) / v.length()).max(0.0)
     };
     let mut weights: Vec<f64> = in_front.map(weight).collect();

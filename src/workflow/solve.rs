@@ -415,7 +415,7 @@ pub(super) fn solve_system(
     }
     if let Some(backs) = known.backs {
         let backs: Vec<f64> = backs.iter().map(|back| back.value).collect();
-        solution.tell_backs_apart(system.areas(), &backs);
+        solution.split_escaped_by_backs(system.areas(), &backs);
     }
     if let Some(choice) = &solution.choice {
         plan.decide("solver", choice.solver, choice.why.to_string());

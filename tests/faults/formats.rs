@@ -1,4 +1,4 @@
-//! Scene files of all formats that are cut short, mutated, or claim more than they hold: never a panic, one line that names the file, and no memory for what is only claimed.
+//! Scene files of all formats, cut short, mutated, or with false sizes: no panic, one line that names the file, and no memory for false sizes.
 
 use std::path::{Path, PathBuf};
 

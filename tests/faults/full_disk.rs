@@ -1,4 +1,4 @@
-//! A disk without room: every command that writes says so in one line that names the file, and leaves nothing that is half-written.
+//! A full disk: every command that writes reports it in one line that names the file, and leaves no half-written file.
 //!
 //! The disk is a tmpfs of one process; skipped, with a word, where the system does not let a test mount one.
 #![cfg(target_os = "linux")]

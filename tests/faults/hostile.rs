@@ -1,4 +1,4 @@
-//! Hostile files, sizes and places: every command says in one line what is wrong, and leaves nothing behind.
+//! Hostile files, sizes and paths: every command reports the fault in one line, and leaves no file behind.
 #![cfg(unix)]
 
 use std::path::Path;

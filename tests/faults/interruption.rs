@@ -1,4 +1,4 @@
-//! Work that is stopped by signals or by a kill, and what the next run makes of it.
+//! Work that signals or a kill stop, and its continuation by the next run.
 #![cfg(unix)]
 #![expect(clippy::shadow_unrelated, reason = "each run of a test has its own output")]
 

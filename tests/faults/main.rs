@@ -1,4 +1,4 @@
-//! What fails: hostile and mutated files, too little memory, a full disk, signals and kills.
+//! Failures: hostile and mutated files, too little memory, a full disk, signals and kills.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod formats;

@@ -1,4 +1,4 @@
-//! The memory limit as users meet it: what fits, what goes to a disk, what is refused, and what a full disk leaves behind.
+//! The memory limit for users: which work fits, goes to a disk or is refused, and the files that a full disk leaves.
 #![cfg(target_os = "linux")]
 #![expect(clippy::shadow_unrelated, reason = "each run of a test has its own limit and result")]
 

@@ -1,4 +1,4 @@
-//! Scenes, cameras, lightings, boundary conditions, lists of frames and tables that a fuzzer's mutations made of the corpus: never a panic, and every refusal is one line that names the file.
+//! Fuzzer mutations of scenes, cameras, lightings, boundary conditions, lists of frames and tables: no panic, and every refusal is one line that names the file.
 //!
 //! What `fuzz/` does without end and guided by coverage, this does briefly in every run of the tests; the mutations are the same in every run.
 

@@ -1,4 +1,4 @@
-//! Discrete radiosity against what it must fulfil and against the patch solution.
+//! Discrete radiosity against its own laws and against the patch solution.
 
 use glam::{DMat3, DVec3};
 use radiosity::geometry::sampling::Sequence;

@@ -1,4 +1,4 @@
-//! Files as other programs and other people write them: what is read, what is mended, and what is refused.
+//! Files written by other programs and other people: which are read, repaired or refused.
 
 use std::fmt::Write as _;
 use std::path::Path;

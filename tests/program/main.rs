@@ -1,4 +1,4 @@
-//! The program as its users and their scripts meet it: exit codes, messages, documents, files.
+//! The program for users and their scripts: exit codes, messages, documents, files.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(
     clippy::shadow_unrelated,

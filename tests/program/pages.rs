@@ -1,4 +1,4 @@
-//! The pages of reports in a real browser: skipped, with a word, where there is none.
+//! The pages of reports in a real browser: skipped, with a message, where there is none.
 
 use std::collections::BTreeSet;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Several ranks under `mpirun`: the bytes of a run without it, one message and one exit code, and checkpoints that outlive a rank.
+//! Several ranks under `mpirun`: the bytes of a single run, one message and one exit code, and checkpoints that survive a rank.
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};

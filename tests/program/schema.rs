@@ -1,4 +1,4 @@
-//! The JSON Schema in `docs/schema.json`: what the code generates, and what every command prints.
+//! The JSON Schema in `docs/schema.json`, against the generated one and against the documents of every command.
 
 use std::path::Path;
 

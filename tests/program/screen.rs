@@ -1,4 +1,4 @@
-//! The text of a run fits one screen unless it is asked to explain itself.
+//! The text of a run fits one screen unless an explanation is requested.
 
 use std::path::Path;
 

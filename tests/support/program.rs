@@ -1,4 +1,4 @@
-//! The program, run as its users and their scripts run it: within limits, on built-in scenes, and what it leaves behind.
+//! Runs of the program by users and their scripts: within limits, on built-in scenes, with checks of the remaining files.
 
 #[path = "run.rs"]
 mod run;

@@ -1,4 +1,4 @@
-//! A room without light inside of a lit one.
+//! A dark room inside a lit one.
 
 use std::fmt::Write as _;
 

@@ -1,4 +1,4 @@
-//! Which backs may be seen from which patches.
+//! Which back faces may be seen from which patches.
 
 use std::f64::consts::PI;
 use std::ops::ControlFlow;
@@ -15,11 +15,11 @@ use crate::mesh::PatchId;
 use crate::scene::topology::{Backs, Pieces, Place, View, bounding_box, joint, places};
 use crate::scene::{FaceId, Scene};
 
-/// The patches that may see backs.
+/// The patches that may see back faces.
 pub(super) struct Candidates {
     /// By the faces of the patches.
     pub(super) views: Vec<Seeing>,
-    /// Of each face whose back was looked at, the parts that no other face of a sheet covers from behind, wound as they are seen.
+    /// The parts of each examined back face that no other face of a sheet covers from behind, wound as they are seen.
     parts: Vec<OnceLock<Vec<Vec<DVec3>>>>,
 }
 
@@ -31,10 +31,11 @@ pub(super) struct Seeing {
 }
 
 impl Candidates {
-    /// Finds the patches that may see backs, and these backs. A patch may see those of faces that it lies behind, unless closed pieces or a common piece hide them.
+    /// Finds the patches that may see back faces, and these faces.
     ///
-    /// `max_pairs` pairs of patches and parts of backs are listed, the same number for each patch: where it is 0, none.
-    /// Memory: O(n + `max_pairs`). Work: O(n log n) and what is listed, where the patches that see no back lie around what they see.
+    /// A patch may see the back of a face that it lies behind, unless closed pieces or a common piece hide it.
+    /// `max_pairs` pairs of patches and parts of back faces are listed, the same number for each patch; none where it is 0.
+    /// Memory: O(n + `max_pairs`). Work: O(n log n) and the pairs listed, where the patches that see no back face lie around the others.
     pub(super) fn of(input: Input<'_>, wanted: &[bool], max_pairs: usize) -> Self {
         let scene = input.scene;
         let parts = scene.face_ids().map(|_| OnceLock::new()).collect();
@@ -51,7 +52,7 @@ impl Candidates {
         let of_faces = places(scene, &pieces, &faces);
         let hides_own = hiding_own(scene, &pieces, &of_faces);
         if hides_own == [true] {
-            // A terrain, mostly: there are no backs but its own.
+            // A terrain, mostly: its own are the only back faces.
             return found;
         }
         let of_patches = places_of_patches(input, &pieces);
@@ -97,7 +98,7 @@ impl Candidates {
         found
     }
 
-    /// Returns the parts of the backs that patches may see, wound as they are seen; `None` if these are too many.
+    /// Returns the parts of the back faces that patches may see, wound as they are seen; `None` if these are too many.
     pub(super) fn parts<'a>(&'a self, view: &'a Seeing) -> Option<impl Iterator<Item = &'a [DVec3]>> {
         let backs = view.backs.as_ref()?;
         let parts = backs.iter().filter_map(|&back| self.parts[back].get()).flatten();
@@ -125,7 +126,7 @@ impl Outline {
     }
 }
 
-/// The faces among which backs are searched.
+/// The faces among which back faces are searched.
 struct Search<'a> {
     pieces: Pieces,
     sheets: &'a Sheets<'a>,
@@ -137,7 +138,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Returns the faces whose backs may be seen from parts of a face with such views; `None` if these have more than so many parts.
+    /// Returns the faces whose backs may be seen from parts of a face with such views; `None` if these have more than `max_parts` parts.
     fn backs_seen(&self, front: FaceId, views: &[&View], max_parts: usize) -> Option<Vec<usize>> {
         let Sheets {
             outlines,
@@ -182,12 +183,12 @@ impl Search<'_> {
     }
 }
 
-/// Returns for each piece whether its fronts see none of its own backs.
+/// Returns for each piece whether its fronts see none of its own back faces.
 ///
-/// They do not if no face of it pierces another, and every edge of its border lies in a plane with all of the scene on one side. Closed pieces have no border.
+/// That holds if no face of it pierces another, and every edge of its border lies in a plane with all of the scene on one side. Closed pieces have no border.
 ///
-/// Such a piece parts the convex hull of the scene in two, one in front of it and one behind, as its border lies on that hull, which no segment between two points of the scene leaves.
-/// Pieces with a border too long to look at count as ending elsewhere.
+/// Such a piece divides the convex hull of the scene in two, one part in front of it and one behind: its border lies on that hull, and every segment between two points of the scene stays inside.
+/// A piece whose border is too long to test counts as one that sees its own back faces.
 fn hiding_own(scene: &Scene, pieces: &Pieces, of_faces: &[Place]) -> Vec<bool> {
     const MAX_WORK: usize = 200_000_000;
     let mut hides_own = vec![true; pieces.len()];
@@ -314,7 +315,7 @@ impl<'a> Sheets<'a> {
         if self.is_wide(&rest) { left } else { vec![part.to_vec()] }
     }
 
-    /// Returns whether a polygon is more than a strip that rounding explains.
+    /// Returns whether a polygon is wider than a strip that rounding explains.
     fn is_wide(&self, corners: &[DVec3]) -> bool {
         if corners.len() < 3 {
             return false;

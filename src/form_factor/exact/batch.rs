@@ -26,13 +26,13 @@ use crate::matrix::{RowTally, RowTile};
 use crate::progress::Portions;
 use crate::visibility::occluders::{OccluderId, OccluderIndex};
 
-/// A batch ends with the first rows that bring it to so many pairs: enough work for some threads even where rows are short.
+/// The fewest pairs at which a batch ends: enough work for some threads even where rows are short.
 const MIN_PAIRS_PER_BATCH: usize = 1 << 18;
 
-/// No batch is to have more pairs.
+/// The most pairs at which a batch ends.
 const MAX_PAIRS_PER_BATCH: usize = 1 << 21;
 
-/// Between the two, so many rows: two for each run and thread where there are eight of these.
+/// The rows of a batch between these two limits: two runs for each of eight threads.
 const ROWS_PER_BATCH: usize = 128;
 
 /// A batch that may end anywhere ends when its rows have taken this long to classify.
@@ -43,7 +43,7 @@ const PAIR_BYTE: u64 = 48;
 
 /// Returns the pairs that bring a batch to its end.
 ///
-/// They are a matter of the scene alone: where a batch ends decides which corners its tables are computed from, and so the last bits of entries.
+/// They depend on the scene alone: where a batch ends decides which corners its tables are computed from, and so the last bits of entries.
 fn pairs_per_batch(n: usize) -> usize {
     ROWS_PER_BATCH
         .saturating_mul(n)
@@ -57,13 +57,13 @@ pub(super) fn batch_byte(n: usize) -> u64 {
     PAIR_BYTE * pairs.min((pairs_per_batch(n) + ROW_RUN * n) as u64)
 }
 
-/// Up to this part of the exchange area without occluders a partial pair's is 0: what rounding leaves of clipped corners, and of cracks between occluders.
+/// The part of the exchange area without occluders up to which a partial pair's is 0: rounding leaves as much of clipped corners, and of cracks between occluders.
 const NOISE: f64 = 1e-12;
 
-/// The same of what is seen of a pair, as an error: some roundings at each point.
+/// The same as an error of the visible exchange area: some roundings at each point.
 const ROUNDING: f64 = 1e-13;
 
-/// The effect of rounding on patches that it has parted is known to the first order up to this part of their exchange without occluders.
+/// The part of the exchange without occluders up to which the effect of rounding on patches that it has parted is known to the first order.
 const MOVED: f64 = 0.1;
 
 impl Batches<'_> {
@@ -96,9 +96,9 @@ impl Batches<'_> {
         runs
     }
 
-    /// Classifies the rows of a batch, and goes on to the row behind them.
+    /// Classifies the rows of a batch, and moves on to the row after them.
     ///
-    /// Where every face is one patch, a batch may end anywhere, as no table depends on its rows: it ends when it has taken long enough, so that what is finished is kept, unless ranks share the batches.
+    /// Where every face is one patch, no table depends on the rows, and a batch may end anywhere: unless ranks share the batches, it ends after a time, so that the finished work is stored.
     fn classified_batch(&mut self) -> Vec<Strip> {
         let runs = self.runs_of_batch(self.next_row);
         let (begun, first_row) = (Instant::now(), self.next_row);
@@ -119,7 +119,7 @@ impl Batches<'_> {
         strips
     }
 
-    /// Classifies some runs of rows of a batch that begins at `first_row`: half of the steps of their pairs.
+    /// Classifies some runs of rows of a batch that begins at `first_row`; that is half of the steps of their pairs.
     fn classified(&mut self, first_row: usize, runs: &[(usize, usize)]) -> Vec<Strip> {
         let (Some(&(first, _)), Some(&(last, run))) = (runs.first(), runs.last()) else {
             return Vec::new();
@@ -127,7 +127,7 @@ impl Batches<'_> {
         let (n, begin) = (self.patches.len(), self.next_row);
         self.next_row = self.patches.faces[last].runs[run].patches.end;
         let (rows, faces) = (first_row..self.next_row, first..last + 1);
-        // How the work is shared between the stages differs from scene to scene; half of it for what follows keeps the display moving.
+        // The shares of the stages differ from scene to scene; half of the steps for the later ones keeps the display moving.
         let until = |row: usize| (first_row..row).map(|i| (n - 1 - i) as u64).sum::<u64>() / 2;
         let n_steps = until(self.next_row) - until(begin);
         let seen = Portions::new(self.progress, n_steps / 2, faces.len());
@@ -202,7 +202,7 @@ impl Iterator for Batches<'_> {
 }
 
 impl Batches<'_> {
-    /// Decides what becomes of all pairs of a run of rows, and computes those that see each other whole.
+    /// Classifies all pairs of a run of rows, and computes the fully visible ones.
     pub(super) fn classify(&self, f: usize, rows: &Run, views: &Views) -> Strip {
         let n_later: usize = rows.patches.clone().map(|i| self.patches.len() - 1 - i).sum();
         let columns = |view: &FaceView| &self.patches.faces[view.face].runs[0];
@@ -237,7 +237,7 @@ impl Batches<'_> {
         strip
     }
 
-    /// Integrates the partial pairs of all strips, each a piece of work of its own: their cost differs by orders of magnitude. They stand for `n_steps` of progress.
+    /// Integrates the partial pairs of all strips, each a task of its own, as their cost differs by orders of magnitude; together they are `n_steps` of progress.
     fn integrate(&self, strips: &mut [Strip], n_steps: u64) {
         let Some(index) = &self.index else {
             self.progress.advance(n_steps);
@@ -262,7 +262,7 @@ impl Batches<'_> {
                 }
                 let begun = Instant::now();
                 let stated = self.partial(index, pair, &strip.occluders[pair.occluders.clone()], self.method);
-                // Of an integral that was stopped nothing is kept.
+                // An integral that was stopped is not stored.
                 if !self.progress.is_cancelled() {
                     self.journal.keep(place, stated.to_record(), begun.elapsed());
                 }
@@ -273,7 +273,7 @@ impl Batches<'_> {
         let mut results = results.into_iter();
         for (strip, n) in strips.iter_mut().zip(n_partial) {
             for (pair, stated) in strip.partial.iter().zip(results.by_ref().take(n)) {
-                // Of work that was stopped nothing is used.
+                // Work that was stopped is not used.
                 let Some(stated) = stated else { continue };
                 let entry = &mut strip.rows[pair.i - strip.first_row][pair.place];
                 (entry.1, entry.2) = (stated.exchange.area, stated.exchange.error);
@@ -285,7 +285,7 @@ impl Batches<'_> {
         }
     }
 
-    /// Integrates a partial pair by a method, which need not be the one asked for.
+    /// Integrates a partial pair by a method, which may differ from the one asked for.
     pub(super) fn partial(
         &self,
         index: &OccluderIndex,
@@ -312,7 +312,7 @@ impl Batches<'_> {
             unlike_of_few: method.unlike_of_few(),
             progress: self.progress,
         };
-        // Where rounding is to be added there has to be room for it, so that no pair is above the tolerance by its integral's share; where that alone is above it, room would not help.
+        // Where rounding is to be added, the integral leaves room for it, so that no pair is above the tolerance by its integral's share; room would not help where rounding alone is above it.
         let seen = |exchange: f64| Seen {
             exchange,
             unoccluded: most.area,
@@ -334,9 +334,9 @@ impl Batches<'_> {
             None => Whole::of(p, q, 1e-3 * goal),
         };
         let found = split.exchange_area(p, q, occluders, goal - room, whole);
-        // What rounding leaves of a pair that is hidden after all would make a row of noise.
+        // The rounding errors of a pair that is hidden after all would make a row of noise.
         let is_noise = found.exchange_area <= NOISE * most.area;
-        // More than without occluders it cannot be, nor be off by more than that.
+        // Neither the exchange area nor its error can exceed the exchange area without occluders.
         let exchange = Exchange {
             area: if is_noise {
                 0.0
@@ -363,17 +363,19 @@ impl Batches<'_> {
     }
 }
 
-/// Two patches as they were meant where rounding has parted them.
+/// Two patches as they were meant, where rounding has parted them.
 struct Meeting {
     ends: [Vec<DVec3>; 2],
     /// Their exchange area without occluders.
     whole: Whole,
-    /// The change of that exchange, m², where it is more than a few per cent: then it is not known which of both is meant.
+    /// The change of that exchange, m², where it is more than [`MOVED`] of it: then it is unknown which of the two is meant.
     moved: f64,
 }
 
 impl Meeting {
-    /// `most` is the exchange area without occluders of the patches as they are, m², and `error` how far off that of the others may be.
+    /// Moves two patches to meet.
+    ///
+    /// `most` is the exchange area without occluders of the patches as they are, m², and `error` the error to which that of the moved ones is computed.
     fn of(index: &OccluderIndex, [p, q]: [&[DVec3]; 2], most: f64, error: f64) -> Option<Self> {
         let ends = index.meeting(p, q)?;
         let whole = Whole::of(&ends[0], &ends[1], error);
@@ -387,7 +389,7 @@ impl Meeting {
 }
 
 impl Batches<'_> {
-    /// Returns what is known of a pair without a look at its occluders: from nothing to all of the exchange area without them.
+    /// Returns a pair's exchange area before its occluders are examined: between 0 and the exchange area without them.
     fn bounded(&self, pair: &PartialPair, most: Exchange) -> Stated {
         let half = 0.5 * most.area;
         let exchange = Exchange {

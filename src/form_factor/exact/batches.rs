@@ -1,4 +1,4 @@
-//! The state of the exact method between its batches, and what it tells of pairs.
+//! The state of the exact method between its batches, and the pairs that a batch holds.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -41,11 +41,11 @@ pub(super) struct Batches<'a> {
     /// The faces of the scene, in the order of `patches.faces`.
     pub(super) face_ids: Vec<FaceId>,
     pub(super) lattices: Vec<Option<Lattice>>,
-    /// The grids that the mesh has already.
+    /// The grids that the mesh comes with.
     pub(super) grids: Grids,
-    /// The tables of two grids, of those whose rows are being computed.
+    /// The tables of pairs of grids whose rows are being computed.
     pub(super) grid_tables: HashMap<[u32; 2], Repeats>,
-    /// The pairs of two faces that are computed together, of the faces whose rows are being computed.
+    /// The pairs of two faces that are computed together, for faces whose rows are being computed.
     pub(super) tables: HashMap<[usize; 2], Table>,
     pub(super) next_row: usize,
     /// Where the next batch ends, if ranks share them.
@@ -57,7 +57,7 @@ pub(super) struct Batches<'a> {
 pub(super) struct FaceView {
     pub(super) face: usize,
     pub(super) known: Known,
-    /// Of the patches of both, which are in front of all of the other's; `None` where pairs are looked at one by one.
+    /// For the patches of both faces: whether each is in front of all of the other's; `None` where pairs are tested one by one.
     pub(super) fronts: Option<[Vec<Option<bool>>; 2]>,
 }
 
@@ -170,12 +170,12 @@ impl<'a> Batches<'a> {
         self.facing.any(from.range(), to.range())
     }
 
-    /// Returns whether what is known of two parts of faces that stayed is known from before a change.
+    /// Returns whether the exchange between two parts of faces that stayed in place is the same as before a change.
     pub(super) fn is_kept(&self, p: &[DVec3], q: &[DVec3]) -> bool {
         self.before.is_some_and(|before| !before.change.may_come_between(p, q))
     }
 
-    /// Returns whether no exchange area between some patches of two faces can be the same as before.
+    /// Returns whether no exchange area between patches of two faces can be the same as before.
     pub(super) fn any_moved(&self, faces: [usize; 2]) -> bool {
         self.before.is_none_or(|before| {
             let mut ids = faces.map(|f| self.face_ids[f]).into_iter();
@@ -183,23 +183,23 @@ impl<'a> Batches<'a> {
         })
     }
 
-    /// Returns what the rows of a run were before a change.
+    /// Returns the rows of a run before a change.
     pub(super) fn rows_before(&self, rows: &Range<usize>) -> Vec<Vec<Entry>> {
         self.before.map_or_else(Vec::new, |before| {
-            // Kept is only what was symmetric.
+            // Only symmetric storage is reused.
             rows.clone()
                 .map(|i| before.factors.exchange_row(i).unwrap_or_default())
                 .collect()
         })
     }
 
-    /// Finds the occluders between two polygons, `among` some or all.
+    /// Finds the occluders between two polygons, among some or all.
     pub(super) fn between(&self, p: &[DVec3], q: &[DVec3], among: Option<&[OccluderId]>) -> Between {
         let Some(index) = &self.index else {
             return Between::certain(PairVisibility::Full);
         };
         if self.progress.is_late() {
-            // Nobody is going to look at the occluders.
+            // The result will not be read.
             return Between::certain(PairVisibility::Partial(Vec::new()));
         }
         let found = among.map_or_else(|| index.between(p, q), |among| index.between_among(p, q, among));

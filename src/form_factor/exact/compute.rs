@@ -28,7 +28,7 @@ impl FormFactorMethod for ExactMethod {
 
     /// Keeps the exchange areas of pairs that the change cannot reach (see [`Change`](crate::form_factor::Change)), and computes the others as [`compute`](Self::compute) does.
     ///
-    /// A kept entry is the stored one to the last bit; one that is computed anew differs from what `compute` gives by no more than the
+    /// A kept entry is the stored one to the last bit. One that is computed anew differs from the result of `compute` by no more than the
     /// neglected border of occluders, since it may be classified on another level. All are computed anew if `before` is not symmetric, as after a repair.
     fn update(
         &self,
@@ -43,7 +43,7 @@ impl FormFactorMethod for ExactMethod {
 }
 
 impl ExactMethod {
-    /// Returns what form factors are going to take, from a sample of at most some seconds; `None` for a mesh without patches.
+    /// Returns the forecast cost of form factors, from a sample of at most some seconds; `None` for a mesh without patches.
     pub(in crate::form_factor) fn forecast(&self, input: Input<'_>, progress: &dyn Progress) -> Option<Forecast> {
         Batches::new(self, input, None, progress).forecast(input, true)
     }
@@ -59,7 +59,7 @@ impl ExactMethod {
         progress.begin("form factors", n * n.saturating_sub(1) / 2);
         let mut counts = PairCounts::default();
         if let Some(before) = &before {
-            // A rank may compute any batch, and so keep entries of any rows.
+            // A rank may compute any batch, and so need stored entries of any rows.
             before.factors.gather_rows();
         }
         // Batch by batch into the matrix: only one batch's entries are held beside it.

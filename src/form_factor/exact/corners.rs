@@ -1,4 +1,4 @@
-//! Pairs of patches on two grids of rectangles with parallel edges, whatever their steps, where an absolute error is enough.
+//! Pairs of patches on two grids of rectangles with parallel edges and any steps, where an absolute error is enough.
 
 #![expect(
     clippy::shadow_unrelated,
@@ -17,11 +17,11 @@ pub(super) struct PatchGrid {
     grid: Grid,
     /// The numbers of the patches.
     patches: Range<usize>,
-    /// The patch of a cell is the first one plus the sum of what its places along both axes add.
+    /// The contributions of a cell's positions along both axes: their sum, added to the first patch, is the cell's patch.
     places: [Vec<usize>; 2],
-    /// How far corners of patches are from the grid's, at most, in m.
+    /// The greatest distance of a patch's corner from the grid's, in m.
     off: f64,
-    /// The largest of a patch, in m.
+    /// The largest perimeter of a patch, in m.
     perimeter: f64,
 }
 

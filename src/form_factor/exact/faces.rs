@@ -22,7 +22,7 @@ struct Node {
     second: usize,
 }
 
-/// Faces in a binary tree, cut at the median of the longest side of a box: of places where the normals are much alike, else of normals.
+/// Faces in a binary tree, cut at the median of the longest side of a box: of positions where the normals are much alike, else of normals.
 pub(super) struct FaceTree {
     nodes: Vec<Node>,
     order: Vec<usize>,
@@ -71,7 +71,7 @@ impl FaceTree {
         let middle = range.len() / 2;
         let (size, spread) = (corners.1 - corners.0, normals.1 - normals.0);
         let whole = self.nodes[0].corners.1 - self.nodes[0].corners.0;
-        // Both against all that there may be: the scene's size, and the diameter of the sphere of normals.
+        // Both relative to their greatest value: the scene's size, and the diameter of the sphere of normals.
         let by_place = size.max_element() * 2.0 >= spread.max_element() * whole.max_element();
         let key = |f: usize| {
             if by_place {

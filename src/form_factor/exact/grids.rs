@@ -1,4 +1,4 @@
-//! Regular grids of patches that a mesh brings already cut: faces of one plane that are translations of one another.
+//! Regular grids of patches in meshes that come already cut: faces of one plane that are translations of one another.
 
 use std::collections::HashMap;
 
@@ -7,19 +7,19 @@ use glam::{DMat2, DVec2, DVec3};
 use super::lattice::Lattice;
 use super::patches::{FacePatches, Patches};
 
-/// Fewer patches make no grid.
+/// The fewest patches of a grid.
 const MIN_PATCHES: usize = 4;
 
-/// Edges that differ by less than this part of the smallest patch's size are one.
+/// The part of the smallest patch's size below which edges that differ count as equal.
 const ALIKE: f64 = 1e-6;
 
-/// A corner is off its place in a grid by no more than this part of the smallest patch's size.
+/// The greatest distance of a corner from its position in a grid, as a part of the smallest patch's size.
 const OFF: f64 = 1e-6;
 
-/// A grid has no more places than so many for each of its patches.
+/// The most positions of a grid for each of its patches.
 const MAX_PLACES: usize = 8;
 
-/// Patches of one shape in one plane make no more grids than so many.
+/// The most grids of patches of one shape in one plane.
 const MAX_GRIDS: usize = 256;
 
 /// The grids that faces of one patch each make.
@@ -33,9 +33,9 @@ pub(super) struct Grids {
 type Shape = (usize, [i64; 7]);
 
 impl Grids {
-    /// Finds the grids whose corners are off their places by no more than `most`, m. Work: O(n log n).
+    /// Finds the grids whose corners are off their positions by no more than `most`, m. Work: O(n log n).
     ///
-    /// The patches of a grid need not be in order, nor begin at the same corner, and a grid may have holes. The steps of a grid are two edges of its patches: of parallelograms, or of triangles of which two make one.
+    /// The patches of a grid may come in any order and begin at any corner, and a grid may have holes. The steps of a grid are two edges of its patches: of parallelograms, or of triangles of which two make one.
     pub(super) fn find(patches: &Patches, most: f64) -> Self {
         let unit = ALIKE * patches.least_reach();
         let most = most.min(OFF * patches.least_reach());
@@ -121,7 +121,7 @@ impl Grids {
     }
 }
 
-/// Returns the shape of a patch, and the corner at which it begins for this: that of the greatest edge, so that it does not matter where the file begins.
+/// Returns the shape of a patch and the corner at which it begins: that of the greatest edge, so that the first corner in the file does not matter.
 fn shape(corners: &[DVec3], unit: f64) -> (Shape, usize) {
     let n = corners.len();
     let rounded = |x: f64| {
@@ -141,7 +141,7 @@ fn shape(corners: &[DVec3], unit: f64) -> (Shape, usize) {
     ((n, shape), first)
 }
 
-/// Returns the lattice of some patches at whole steps; `None` if they are too few for it, or corners are off by more than `most`, m.
+/// Returns the lattice of some patches at whole steps; `None` for too few patches, or corners off by more than `most`, m.
 fn lattice(
     members: &[((u32, usize), DVec2)],
     edges: [DVec3; 2],
@@ -163,7 +163,7 @@ fn lattice(
     if size.x * size.y > (MAX_PLACES * members.len()) as f64 {
         return None;
     }
-    // The steps that fit best: from the mean, by least squares.
+    // The steps of the best fit: from the mean, by least squares.
     let middle = members.iter().map(|member| member.1).sum::<DVec2>() / count;
     let centre = members.iter().map(|member| corner(member.0, 0)).sum::<DVec3>() / count;
     let (mut squares, mut moments) = ([0.0; 3], [DVec3::ZERO; 2]);
@@ -186,7 +186,7 @@ fn lattice(
         _ => edges,
     };
     let n = patches.corners[members[0].0.0 as usize].len();
-    // The mean patch, at the mean place.
+    // The mean patch, at the mean position.
     let mean: Vec<DVec3> = (0..n)
         .map(|k| members.iter().map(|member| corner(member.0, k)).sum::<DVec3>() / count)
         .collect();
@@ -212,7 +212,7 @@ fn lattice(
         (patch, [at.x as u32, at.y as u32])
     });
     let places: Vec<(u32, [u32; 2])> = places.collect();
-    // Two patches at one place are no grid.
+    // Two patches at one position make no grid.
     let mut taken: Vec<[u32; 2]> = places.iter().map(|place| place.1).collect();
     taken.sort_unstable();
     taken.dedup();
@@ -232,7 +232,7 @@ mod tests {
     use crate::mesh::{Mesh, Subdivision};
     use crate::scene::{Material, SceneBuilder};
 
-    /// The walls of a box cut into quads or pairs of triangles, turned, in an order of no kind, with some left out, each beginning at any corner.
+    /// The walls of a box cut into quads or pairs of triangles, turned, in a random order, with some left out, each beginning at any corner.
     fn box_of(n: u32, triangles: bool, off: f64) -> Patches {
         let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.3, -1.1, 0.7);
         let mut faces: Vec<Vec<DVec3>> = Vec::new();

@@ -9,19 +9,23 @@ use rayon::prelude::*;
 use super::patches::Patches;
 use crate::form_factor::pairs::Exchange;
 
-/// Lengths that differ by less than this part of the largest coordinate are equal: some ulps, which rounding moves a corner by anyway.
+/// The part of the largest coordinate below which lengths that differ count as equal: some ulps, by which rounding moves a corner anyway.
 const EQUAL: f64 = 4.0 * f64::EPSILON;
 
-/// A table is worth its memory only if each entry stands for at least so many pairs.
+/// The fewest pairs for each entry that make a table worth its memory.
 const MIN_REPEATS: usize = 3;
 
-/// The greatest change of an exchange area without cosines by a corner that is off by a part of a patch's size: eight corners, each of which moves areas, distances and heights.
+/// The greatest change of an exchange area without cosines, by a corner that is off by a part of a patch's size.
+///
+/// There are eight corners, and each moves areas, distances and heights.
 const LEVER: f64 = 8.0;
 
 /// The most entries of one table: 16 MB.
 const MAX_ENTRIES: usize = 1 << 20;
 
-/// Patches as translations of one another: those of a face, of which patch i + j n lies at i u + j v, or some of one plane in any order.
+/// Patches as translations of one another, at i u + j v for whole i and j.
+///
+/// They are those of a face, of which patch i + j n lies at i u + j v, or some of one plane in any order.
 #[derive(Clone, Debug)]
 pub(super) struct Lattice {
     first: usize,
@@ -33,14 +37,14 @@ pub(super) struct Lattice {
     cells: Option<Arc<Cells>>,
 }
 
-/// The places of patches that do not come in the order of their lattice.
+/// The positions of patches that do not come in the order of their lattice.
 #[derive(Debug)]
 struct Cells {
     /// In ascending order of the patches.
     places: Vec<(u32, [u32; 2])>,
-    /// By place, the first axis fastest; none where the lattice has a hole.
+    /// By position, the first axis fastest; `None` where the lattice has a hole.
     patches: Vec<Option<u32>>,
-    /// The greatest distance of a corner from where the lattice has it, along an axis, in m.
+    /// The greatest distance of a corner from its position in the lattice, along an axis, in m.
     off: f64,
 }
 
@@ -90,7 +94,7 @@ impl Lattice {
         })
     }
 
-    /// Takes patches by their places, of which the least along each axis is 0; `off` is how far a corner is from where the lattice has it, in m.
+    /// Makes a lattice from the positions of patches, the least of which along each axis is 0; `off` is how far a corner is from its position, in m.
     pub(super) fn of_cells(mut places: Vec<(u32, [u32; 2])>, steps: [DVec3; 2], extent: f64, off: f64) -> Self {
         places.sort_unstable();
         let counts = [0, 1].map(|axis| places.iter().map(|place| place.1[axis] as usize + 1).max().unwrap_or(0));
@@ -121,13 +125,13 @@ impl Lattice {
         self.cells.as_ref().map_or(last, of_cells)
     }
 
-    /// Returns how far corners may be from where the lattice has them, in m.
+    /// Returns how far corners may be from their positions in the lattice, in m.
     fn off(&self) -> f64 {
         let rounding = EQUAL * self.extent;
         self.cells.as_ref().map_or(rounding, |cells| rounding.max(cells.off))
     }
 
-    /// Returns the patch at a place; `None` where there is none.
+    /// Returns the patch at a position; `None` where there is none.
     fn patch_at(&self, [i, j]: [usize; 2]) -> Option<usize> {
         if i >= self.counts[0] || j >= self.counts[1] {
             return None;
@@ -158,7 +162,7 @@ impl Lattice {
     }
 }
 
-/// One coordinate of the step between two patches: a − b along a common axis, or a place on one of the grids alone.
+/// One coordinate of the step between two patches: a − b along a common axis, or a position on one of the grids alone.
 #[derive(Clone, Copy, Debug)]
 struct Coordinate {
     /// The axis of the first grid, with its sign.
@@ -170,17 +174,17 @@ struct Coordinate {
     count: usize,
 }
 
-/// The exchange areas of two grids, each different one once.
+/// The distinct exchange areas of two grids, each stored once.
 pub(super) struct Repeats {
     from: Lattice,
     to: Lattice,
     coordinates: Vec<Coordinate>,
-    /// Computed when they are first asked for.
+    /// Computed when first read.
     values: Vec<OnceLock<Exchange>>,
 }
 
 impl Repeats {
-    /// Computes what is different between two grids; `None` if too little repeats.
+    /// Computes the distinct exchange areas of two grids; `None` if too few pairs repeat.
     pub(super) fn new(
         patches: &Patches,
         from: &Lattice,
@@ -199,7 +203,7 @@ impl Repeats {
         Some(repeats)
     }
 
-    /// Returns the table of two grids with nothing computed; `None` if too little repeats.
+    /// Returns the table of two grids with nothing computed; `None` if too few pairs repeat.
     pub(super) fn empty(from: &Lattice, to: &Lattice) -> Option<Self> {
         let coordinates = coordinates(from, to);
         let n_values: usize = coordinates.iter().map(|c| c.count).product();
@@ -220,7 +224,7 @@ impl Repeats {
         self.values[self.index(i, j)].get().copied().unwrap_or_default()
     }
 
-    /// Returns the exchange area of a pair, by `exchange` of the pair that stands for all with the same step if it is the first of them.
+    /// Returns the exchange area of a pair, and computes it by `exchange` if no pair with the same step was read before.
     pub(super) fn get_or(
         &self,
         patches: &Patches,
@@ -231,7 +235,9 @@ impl Repeats {
         *self.values[index].get_or_init(|| self.value(patches, index, &exchange))
     }
 
-    /// Computes entry `index`. Corners of all pairs that share it are equal but for a distance; what that changes goes into the error.
+    /// Computes entry `index`.
+    ///
+    /// The corners of all pairs that share it are equal but for a small distance, whose effect goes into the error.
     fn value(&self, patches: &Patches, index: usize, exchange: &impl Fn(usize, usize) -> Exchange) -> Exchange {
         let Some((i, j)) = self.representative(index) else {
             return Exchange::default();
@@ -273,7 +279,7 @@ impl Repeats {
     /// Returns the first pair that has entry `index`; `None` where the grids have holes in all of them.
     fn representative(&self, mut index: usize) -> Option<(usize, usize)> {
         let (mut a, mut b) = ([0; 2], [0; 2]);
-        // The common directions: along these both move together.
+        // Along the common directions, both patches move together.
         let mut common: [Option<(usize, usize, bool, usize)>; 2] = [None; 2];
         for c in self.coordinates.iter().rev() {
             let value = index % c.count;
@@ -286,7 +292,7 @@ impl Repeats {
                         let first = value.min(self.from.counts[axis] - 1);
                         (first, value - first)
                     } else {
-                        // a − b + shift = value, both as small as can be.
+                        // The least a and b with a − b + shift = value.
                         (value.saturating_sub(c.shift), c.shift.saturating_sub(value))
                     };
                     common[usize::from(common[0].is_some())] = Some((axis, other, against, self.from.counts[axis]));
@@ -325,7 +331,7 @@ fn coordinates(from: &Lattice, to: &Lattice) -> Vec<Coordinate> {
     for axis in 0..2 {
         let most = from.counts[axis].max(2) as f64;
         let common = (0..2).filter(|&k| free[k] && to.counts[k] > 1).find_map(|k| {
-            // At the far end of the grids too, the difference must not show.
+            // The difference must not show at the far end of the grids either.
             let reach = most.max(to.counts[k] as f64);
             let differs = |step: DVec3| (step - from.steps[axis]).abs().max_element() * reach > slack;
             if from.counts[axis] < 2 {

@@ -29,7 +29,7 @@ pub(super) struct Run {
 pub(super) struct FacePatches {
     /// The runs: the first is the whole face.
     pub(super) runs: Vec<Run>,
-    /// The numbers of the runs that stand for rows of work: each of at most [`ROW_RUN`] patches, together all.
+    /// The numbers of the runs that make rows of work: each of at most [`ROW_RUN`] patches, together all.
     pub(super) row_runs: Vec<usize>,
 }
 
@@ -42,9 +42,9 @@ pub(super) struct Patches {
     pub(super) corners: Arc<[Vec<DVec3>]>,
     /// The same, prepared for the unoccluded kernel.
     pub(super) prepared: Vec<PreparedPolygon>,
-    /// The area of each patch, in m²: beside one another, as they are asked for with every pair.
+    /// The area of each patch, in m²; stored in a row, as every pair reads two of them.
     pub(super) areas: Vec<f64>,
-    /// How far the corners of each patch are off its plane, or may be off where they are meant, in m; 0 where that is rounding.
+    /// How far the corners of each patch are off its plane, or may be off where they are meant, in m; 0 where rounding explains that.
     bent: Vec<f64>,
     /// The share of each patch's area along its border, as wide as its corners are off its plane.
     pub(super) borders: Vec<f64>,
@@ -55,7 +55,7 @@ pub(super) struct Patches {
 }
 
 impl Patches {
-    /// Gathers the patches, whose corners `facing` has; `nested` false leaves each face one run, for where nothing is classified.
+    /// Gathers the patches, whose corners `facing` has; without `nested` each face is one run, for scenes where nothing is classified.
     pub(super) fn new(mesh: &Mesh, facing: &Facing, nested: bool) -> Self {
         let corners = Arc::clone(facing.corners());
         let mut ranges: Vec<Range<usize>> = Vec::new();
@@ -96,7 +96,7 @@ impl Patches {
         self.borders = borders.collect();
     }
 
-    /// Takes the corners of patches that end at contact edges to be off by as much as those of the faces that stand there may be, in m.
+    /// Takes the corners of patches cut at contact edges to be off by as much as those of the faces that stand there may be, in m.
     pub(super) fn loosen_cut_ones(&mut self, mesh: &Mesh, slack: f64) {
         for (bent, patch) in self.bent.iter_mut().zip(&mesh.patches) {
             if let Some(misfit) = mesh.misfit(patch.face) {
@@ -106,7 +106,9 @@ impl Patches {
         self.find_borders();
     }
 
-    /// Returns the corners of a patch, those of a bent one in its mean plane: integrals put points there, and no tolerance is met where corners are elsewhere.
+    /// Returns the corners of a patch, those of a bent one in its mean plane.
+    ///
+    /// Integrals put points into that plane, and meet no tolerance where corners are elsewhere.
     pub(super) fn flat_corners(&self, patch: usize) -> Cow<'_, [DVec3]> {
         let corners = &self.corners[patch];
         if self.bent[patch] <= 0.0 {
@@ -117,7 +119,7 @@ impl Patches {
         corners.iter().map(|&v| v - normal.dot(v - middle) * normal).collect()
     }
 
-    /// Returns the least reach of a patch: the greatest distance of a corner from the mean of its corners, in m.
+    /// Returns the least reach of any patch: the greatest distance of a corner from the mean of its corners, in m.
     pub(super) fn least_reach(&self) -> f64 {
         let reaches = self.corners.par_iter().map(|corners| Lean::of(corners).reach());
         reaches.reduce(|| f64::INFINITY, f64::min)
@@ -190,7 +192,7 @@ struct Frame {
     y: DVec3,
 }
 
-/// Corners of a hull that stand out by less than this part of its size are left out: far less than what counts as a shadow.
+/// The part of a hull's size below which corners that stand out are left out: far less than the size of a shadow that counts.
 const FLAT: f64 = 1e-13;
 
 impl Frame {
@@ -230,7 +232,7 @@ impl Frame {
 
     /// Returns the convex hull of points in the plane, counter-clockwise, without straight corners (quickhull).
     ///
-    /// It begins with two points that are corners for certain, the farthest ones: an order by coordinates would depend on the rounding of points on one line.
+    /// It begins with the two farthest points, which are corners for certain: an order by coordinates would depend on the rounding of points on one line.
     fn hull(&self, points: impl Iterator<Item = DVec3>) -> Vec<DVec3> {
         let points: Vec<(DVec2, DVec3)> = points.map(|p| (self.to_plane(p), p)).collect();
         let farthest_from = |from: DVec2| {

@@ -1,4 +1,4 @@
-//! The exact method to a tolerance of rows, in place of one of entries.
+//! The exact method to a tolerance on row sums instead of entries.
 
 use std::path::Path;
 use std::time::Instant;
@@ -18,22 +18,23 @@ pub static ROW_TOLERANCE: Setting = Setting {
     kind: Kind::Number,
 };
 
-/// Tolerances of entries from which on rows are looked at.
+/// The tolerance of entries at which the search for one that rows meet begins, at most.
 const LOOSEST: f64 = 0.1;
 
-/// No tolerance of entries is worth less than this.
+/// The least tolerance of entries that is tried.
 const LEAST: f64 = 1e-12;
 
-/// The overshoot beyond the tolerance of rows, as a part of the way: errors do not fall in proportion.
+/// The overshoot beyond the tolerance of rows, as a part of the way: errors fall more slowly than the tolerance.
 const BEYOND: f64 = 0.7;
 
-/// Where a tighter tolerance takes the error of the worst row to no less than this part of it, more work does not help: what rounded corners add stays.
+/// The part of the worst row's error above which a tighter tolerance counts as no help: the error of rounded corners stays.
 const STUCK: f64 = 0.8;
 
-/// Exact exchange areas such that every row's error is within a tolerance.
+/// Exchange areas such that every row's error is within a tolerance.
 ///
-/// The error of a row is Σ_j of the errors that its entries state: those of one row may have one sign. Entries are computed to `row_tolerance` first, and again to less as long as a row is above it; with a checkpoint, the first of these
-/// goes on where an earlier run ended. [`Computed::tolerance_met`] is false where that does not help.
+/// The error of a row is the sum over j of the errors that its entries state: all of one row may have one sign. Entries are computed to `row_tolerance` first,
+/// and again to a smaller tolerance as long as a row is above it; with a checkpoint, the first of these computations
+/// continues where an earlier run ended. [`Computed::tolerance_met`] is false where that does not help.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExactRows {
     /// The tolerance of Σ_j F_ij, above 0.
@@ -69,7 +70,7 @@ impl FormFactorMethod for ExactRows {
             if method.tolerance < LEAST || progress.is_late() {
                 break;
             }
-            // Nothing is held twice, and a checkpoint has the pieces of one tolerance only.
+            // Only one matrix is held at a time, and a checkpoint has the pieces of one tolerance only.
             drop(found);
             found = method.compute(input, storage, &Unkept(progress))?;
             let before = std::mem::replace(&mut worst, worst_row(&found.factors));
@@ -84,7 +85,7 @@ impl FormFactorMethod for ExactRows {
     }
 }
 
-/// Returns the greatest error of a row, Σ_j of what its entries state.
+/// Returns the greatest error of a row: the sum of the errors that its entries state.
 pub fn worst_row(factors: &FormFactors) -> f64 {
     let of_row = |i: usize| {
         let mut sum = 0.0;

@@ -13,54 +13,54 @@ use crate::form_factor::Input;
 use crate::form_factor::forecast::{RAYS, golden_section, mean, sampled, shooting_s};
 use crate::progress::Forecast;
 
-/// How long a sample may take: to classify runs of rows, and then to integrate their pairs for each tolerance.
+/// The most time of a sample: to classify runs of rows, and then to integrate their pairs for each tolerance.
 #[derive(Clone, Copy)]
 struct Limits {
     of_rows: Duration,
     of_pairs: Duration,
 }
 
-/// Where the forecast is what was asked for.
+/// The limits where the caller asked for a forecast.
 const IN_FULL: Limits = Limits {
     of_rows: Duration::from_millis(1200),
     of_pairs: Duration::from_millis(600),
 };
 
-/// Where it only warns, before the work itself begins.
+/// The limits where the forecast only warns, before the work itself begins.
 const BY_THE_WAY: Limits = Limits {
     of_rows: Duration::from_millis(300),
     of_pairs: Duration::from_millis(100),
 };
 
-/// Before that: most work is so short that no better forecast matters.
+/// The limits of a first estimate: most work is so short that it needs no better one.
 const AT_A_GLANCE: Limits = Limits {
     of_rows: Duration::from_millis(4),
     of_pairs: Duration::from_millis(4),
 };
 
-/// Work is short if a glance makes it less than this part of [`Forecast::LONG`].
+/// The part of [`Forecast::LONG`] below which a first estimate counts as short.
 const SHORT: f64 = 0.05;
 
 /// The greatest time of a pair where no occluder can lie between patches, in s.
 const CLEAR_PAIR_S: f64 = 1e-5;
 
-/// And no more than one run of rows in so many: little work is not worth a forecast.
+/// The fewest runs of rows for each run of the sample: little work is not worth a forecast.
 const RUNS_PER_SAMPLE: usize = 32;
 
-/// Pairs of a run that are integrated.
+/// The pairs of a run that are integrated.
 const PAIRS: usize = 4;
 
-/// A pair of the sample ends at this budget: the forecast is then too low.
+/// The budget at which a pair of the sample ends: the forecast is then too low.
 const BUDGET: usize = 50_000;
 
-/// Looser tolerances by the one asked for.
+/// Looser tolerances, as multiples of the one asked for.
 const LOOSER: [f64; 3] = [10.0, 100.0, 1000.0];
 
-/// No tolerance above this is worth a forecast.
+/// The largest tolerance that is forecast.
 const LOOSEST: f64 = 0.1;
 
 impl Batches<'_> {
-    /// Returns the run time that all rows are going to take; `None` where that is short. `in_full` asks for it however short the work is.
+    /// Returns the forecast run time of all rows; `None` where that is short, unless `in_full`.
     pub(super) fn forecast(&self, input: Input<'_>, in_full: bool) -> Option<Forecast> {
         let n_pairs = 0.5 * (self.patches.len() as f64).powi(2);
         if !in_full && self.index.is_none() && n_pairs * CLEAR_PAIR_S < SHORT * Forecast::LONG {
@@ -93,7 +93,7 @@ impl Batches<'_> {
                 .into_iter()
                 .filter(|&t| t <= LOOSEST)
             {
-                // More cannot be asked for by a looser one: what seems so is the noise of the sample.
+                // A looser tolerance cannot cost more: a time that seems to is noise of the sample.
                 stricter_s = of_tolerance(tolerance)?.min(stricter_s);
                 forecast.looser.push((tolerance, stricter_s));
             }

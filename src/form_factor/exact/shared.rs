@@ -9,7 +9,7 @@ use crate::ranks::{Code, InTurn};
 impl<'a> Batches<'a> {
     /// Yields the pieces of all batches, each computed by one of several ranks; `None` once a rank was to stop.
     ///
-    /// Batches are those of a single rank. No result depends on batches before its own: a rank takes some of them, as a run does that goes on from a checkpoint.
+    /// Batches are those of a single rank. Results do not depend on earlier batches: a rank computes some of them, as a run does that continues from a checkpoint.
     pub(super) fn shared(mut self, waiting_byte: u64) -> impl Iterator<Item = Option<Piece>> + use<'a> {
         let (n, progress) = (self.patches.len(), self.progress);
         let ends = self.ends();
@@ -19,7 +19,7 @@ impl<'a> Batches<'a> {
         let work = move |k: usize| {
             let own = of_batch(k);
             (self.next_row, self.end) = (own.start, Some(own.end));
-            // Of work that was stopped nothing is sent.
+            // Work that was stopped is not sent.
             self.next().filter(|_| !self.progress.is_cancelled())
         };
         let code = Code {

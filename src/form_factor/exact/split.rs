@@ -1,8 +1,8 @@
-//! Pairs with something between them, taken apart where there is less between the parts.
+//! Pairs with occluders, divided where there are fewer occluders between the parts.
 //!
-//! The cost of an integral with m occluders grows faster than m², as discontinuity lines are those of pairs of edges. Halves of a patch mostly have fewer occluders before them, and some see all or nothing.
+//! The cost of an integral with m occluders grows faster than m², as discontinuity lines are those of pairs of edges. Halves of a patch mostly have fewer occluders before them, and some are fully visible or hidden.
 //!
-//! Parts are begun in parallel, each with its share of the tolerance and of half of the budget; the other half goes where the error is greatest.
+//! Parts begin in parallel, each with its share of the tolerance and of half of the budget; the other half goes to the greatest errors.
 
 #![expect(
     clippy::shadow_unrelated,
@@ -20,40 +20,40 @@ use crate::progress::Progress;
 use crate::visibility::occluders::{Occluder, OccluderId, OccluderIndex, PairVisibility};
 use crate::visibility::plane::Plane;
 
-/// A pair with fewer occluders is not taken apart; of a convex solid no more than three sides count, as the view of one changes little.
+/// The fewest occluders of a pair that is divided; of a convex solid at most three sides count, as the view of one changes little.
 const MIN_OCCLUDERS: usize = 5;
 
 /// Times that a pair is halved, at most.
 const MAX_HALVINGS: u32 = 12;
 
-/// Halves are worth while if the squares of their numbers of occluders add up to no more than so many times that of the whole.
+/// The greatest part of the whole's squared number of occluders to which those of two useful halves add up.
 ///
 /// The halves of an integral with as many occluders take about as long as the whole.
 const WORTH: f64 = 1.9;
 
-/// The relative error of a pair is sought with this part of the budget.
+/// The divisor of the budget that gives the evaluations for the relative error of a pair.
 const EXTRA: usize = 100;
 
-/// Areas of which one is so many times the other are those of a patch and a sun: there are few such pairs, and each stands for much light.
+/// The least ratio of areas that marks a patch and a sun: there are few such pairs, and each stands for much light.
 const UNLIKE: f64 = 1e4;
 
 /// The further cost of a half, in squared counts of occluders.
 const HALF: usize = 8;
 
-/// A gap is narrow if one polygon is no higher over the other's plane than this part of the smaller one's size.
+/// The greatest height of one polygon over the other's plane in a narrow gap, as a part of the smaller one's size.
 const NARROW: f64 = 0.1;
 
-/// Parts of a polygon beyond a plane up to this part of the smaller one's size are rounding.
+/// The greatest part of a polygon beyond a plane that counts as rounding, as a part of the smaller one's size.
 const NARROWEST: f64 = 1e-9;
 
 /// Integrates pairs, in parts or as a whole.
 pub(in crate::form_factor) struct Split<'a> {
     pub(in crate::form_factor) index: &'a OccluderIndex,
-    /// Evaluations of the inner factor after which no more are begun.
+    /// Evaluations of the inner factor after which no more begin.
     pub(in crate::form_factor) budget: usize,
-    /// The part of an exchange area without occluders that its error is to be below, as far as a share of the budget goes.
+    /// The part of an exchange area without occluders that its error is to stay below, as far as a share of the budget goes.
     pub(in crate::form_factor) relative: f64,
-    /// Pairs with few occluders whose areas are less unlike than this are not computed to a part of themselves.
+    /// The least ratio of areas of pairs with few occluders that are computed to a relative error.
     pub(in crate::form_factor) unlike_of_few: f64,
     pub(in crate::form_factor) progress: &'a dyn Progress,
 }
@@ -71,11 +71,11 @@ struct Leaf {
 /// The parts of a pair.
 struct Parts {
     leaves: Vec<Leaf>,
-    /// The exchange area, m², of parts that see all of each other, and its error.
+    /// The exchange area, m², of fully visible parts, and its error.
     full: [f64; 2],
 }
 
-/// A half of a pair: one polygon is a part of that of the pair, the other the pair's own.
+/// A half of a pair: a part of one polygon, and the whole of the other.
 struct Half {
     polygons: [Vec<DVec3>; 2],
     view: PairVisibility,
@@ -84,9 +84,10 @@ struct Half {
 }
 
 impl Split<'_> {
-    /// Returns the exchange area of two polygons to within `goal`, m², where `among` are their possible occluders and `without` is the exchange area without these.
+    /// Returns the exchange area of two polygons to within `goal`, m².
     ///
-    /// Pairs of a patch and something far larger or smaller are computed to a part of `without` as well, as far as [`EXTRA`] of the budget goes.
+    /// `among` are their possible occluders, and `without` is the exchange area without them. Pairs of a patch and a polygon far larger or smaller are also computed to a part of `without`,
+    /// as far as the budget over [`EXTRA`] goes.
     pub(in crate::form_factor) fn exchange_area(
         &self,
         p: &[DVec3],
@@ -103,12 +104,12 @@ impl Split<'_> {
         self.at_once(p, q, among, goal, without)
     }
 
-    /// Returns what tells whether to go on.
+    /// Returns the test whether to continue.
     fn go_on(&self) -> impl Fn() -> bool {
         || !self.progress.is_cancelled()
     }
 
-    /// Does what [`exchange_area`](Self::exchange_area) does, without a look at narrow gaps.
+    /// Does the work of [`exchange_area`](Self::exchange_area) without a search for narrow gaps.
     fn at_once(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId], goal: f64, without: Whole) -> Partial {
         let occluders = self.index.occluders(p, q, among);
         let count = self.index.count(among);
@@ -139,7 +140,7 @@ impl Split<'_> {
 
     /// Integrates a pair with many occluders.
     ///
-    /// Parts first get shares of the goal and of the budget as their work is estimated; what these have left of both then goes where the error is greatest.
+    /// Parts first get shares of the goal and of the budget by their estimated work; the rest of both then goes to the greatest errors.
     fn among_many(
         &self,
         [p, q]: [&[DVec3]; 2],
@@ -171,9 +172,9 @@ impl Split<'_> {
         }
     }
 
-    /// Returns an occluder whose plane cuts both polygons, where these have but a narrow gap between them.
+    /// Returns an occluder whose plane cuts both polygons, if the gap between them is narrow.
     ///
-    /// Such a wall hides strips as wide as the gap, which take very many evaluations; on either side of it, it hides nothing.
+    /// Such a wall hides strips as wide as the gap, which take very many evaluations; between parts on one side of it, it hides nothing.
     fn wall_in_a_gap(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId]) -> Option<OccluderId> {
         let area_vectors = [p, q].map(polygon::area_vector);
         let size = area_vectors[0].length().min(area_vectors[1].length()).sqrt();
@@ -197,7 +198,7 @@ impl Split<'_> {
     /// Returns the exchange area of two polygons as that of their parts on both sides of a wall, which hides nothing between two parts on one side.
     fn on_both_sides(&self, sides: [&[DVec3]; 2], wall: OccluderId, among: &[OccluderId], goal: f64) -> Partial {
         let Plane { normal, point } = Plane::of(self.index.corners(wall));
-        // Of slivers, rounding may leave a border on the other side: the same wall is not to cut it again.
+        // Rounding may leave a border of a sliver on the other side: the same wall must not cut it again.
         let others: Vec<OccluderId> = among.iter().copied().filter(|&id| id != wall).collect();
         let parts = Split {
             budget: self.budget / 4,
@@ -241,7 +242,7 @@ impl Split<'_> {
         sum
     }
 
-    /// Takes a pair apart.
+    /// Divides a pair.
     fn parts(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId], goal: f64, without: Whole) -> Parts {
         let mut parts = Parts {
             leaves: Vec::new(),
@@ -288,7 +289,7 @@ impl Split<'_> {
         }
     }
 
-    /// Integrates a part to its own goal, as far as half of its share of the budget goes; that is what first looks take at most.
+    /// Integrates a part to its own goal, as far as half of its share of the budget goes; first looks take at most that.
     fn begin(&self, leaf: &Leaf, goal: f64, budget: usize) -> Integration {
         let [p, q] = leaf.polygons.each_ref().map(Vec::as_slice);
         let occluders = self.index.occluders(p, q, &leaf.among);
@@ -297,7 +298,7 @@ impl Split<'_> {
         integration
     }
 
-    /// Puts what `most` evaluations leave into the parts with the greatest errors, until all of them are within the goal together.
+    /// Spends the rest of `most` evaluations on the parts with the greatest errors, until all of them together are within the goal.
     fn finish(&self, mut parts: Vec<Integration>, goal: f64, most: usize) -> Partial {
         loop {
             let error: f64 = parts.iter().map(Integration::error).sum();
@@ -325,7 +326,7 @@ impl Split<'_> {
         }
     }
 
-    /// Returns the halves of the polygon that leaves less between its halves and the other, if that is worth while.
+    /// Returns the halves of the polygon whose division leaves fewer occluders, if that is worth while.
     fn halves(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId]) -> Option<[Half; 2]> {
         let of_both = [0, 1].map(|k| {
             let cut = if k == 0 { p } else { q };
@@ -381,7 +382,7 @@ mod tests {
         let [a, b, c, d] = level(3.0);
         let mut outlines = vec![level(0.0), [d, c, b, a]];
         outlines.extend((1..=n).map(|k| {
-            // Irrational steps fill all places and directions evenly.
+            // Irrational steps fill all positions and directions evenly.
             let part = |step: f64| (f64::from(k) * step.sqrt()).fract();
             let middle = DVec3::new(0.4 + 3.2 * part(2.0), 0.4 + 3.2 * part(3.0), 0.6 + 1.8 * part(5.0));
             let axis = DVec3::new(part(7.0), part(11.0), part(13.0)) - 0.5;
@@ -505,7 +506,7 @@ mod tests {
             assert_eq!(found.reached, found.error <= goal);
             found
         };
-        // Whole, it is looked at from fewer points, each of which has more in between.
+        // As a whole it is seen from fewer points, each with more occluders.
         assert!(split(1e-5, 10_000_000).reached);
         let spent = [5_000, 20_000, 80_000].map(|budget| split(1e-10, budget));
         assert!(spent.iter().all(|found| !found.reached));

@@ -1,4 +1,4 @@
-//! The error that is stated of a pair: what the integral leaves, and what rounded corners add; and how both stand to the tolerance.
+//! The error that is stated of a pair: the integral's own and that of rounded corners, and how both compare with the tolerance.
 
 use glam::DVec3;
 
@@ -10,16 +10,18 @@ use crate::form_factor::rounded::Rounded;
 use crate::mesh::PatchId;
 use crate::visibility::occluders::{OccluderId, OccluderIndex, PairVisibility};
 
-/// Errors that were stored in f32 are off by less than this part.
+/// The relative rounding of errors that were stored in f32, at most.
 const STORED: f64 = 1e-6;
 
-/// Rounding is not refined where its error is below this part of the tolerance.
+/// The part of the tolerance below which the error of rounding is not refined.
 const NEGLIGIBLE: f64 = 1e-3;
 
-/// The exchange by rounding of patches behind each other is not stated below this part of the tolerance.
+/// The part of the tolerance below which the exchange by rounding of patches behind each other is not stated.
 const UNSTATED: f64 = 1e-2;
 
-/// The reach of rounded corners between patches that they were meant to touch, in units of the slack for which that is left out: half a unit of the last place for each of two.
+/// The reach of rounded corners between patches that they were meant to touch, in units of the slack up to which it is ignored.
+///
+/// It is half a unit of the last place for each of two.
 const REACH: f64 = 0.5;
 
 /// The visible parts of two patches, as far as rounding affects them.
@@ -31,14 +33,14 @@ pub(super) struct Seen<'a> {
     pub(super) unoccluded: f64,
     /// The change of that exchange where the two were moved to meet, beyond the first order, m².
     pub(super) moved: f64,
-    /// True if something was left out between the two that reaches in between by no more than rounding explains.
+    /// True if an occluder was left out that reaches in between the two by no more than rounding explains.
     pub(super) touched: bool,
     /// Their occluders.
     pub(super) occluders: &'a [OccluderId],
 }
 
 impl Seen<'_> {
-    /// Returns a view that nothing stands in.
+    /// Returns the view of a pair without occluders.
     pub(super) fn whole(exchange: f64, touched: bool) -> Self {
         Self {
             exchange,
@@ -56,14 +58,14 @@ pub(super) struct Stated {
     pub(super) exchange: Exchange,
     /// The part of the error that comes from rounded corners, m².
     rounding: f64,
-    /// True if the error was within the tolerance before that.
+    /// True if the error without that of rounding was within the tolerance.
     integrated: bool,
-    /// The rays that it was found by; 0 where it was clipped.
+    /// The rays of its estimate; 0 where it was clipped.
     pub(super) n_rays: u64,
 }
 
 impl Stated {
-    /// Takes note of the rays that it was found by.
+    /// Stores the number of rays of its estimate.
     pub(super) fn with_rays(self, n_rays: usize) -> Self {
         Self {
             n_rays: n_rays as u64,
@@ -71,7 +73,7 @@ impl Stated {
         }
     }
 
-    /// Returns it as a journal keeps it; the sign of the rounding, which is not negative, stands for `integrated`.
+    /// Returns it as a journal stores it; the sign of the rounding, which is not negative, stands for `integrated`.
     pub(super) fn to_record(self) -> Record {
         let sign = if self.integrated { 1.0_f64 } else { -1.0 };
         let Exchange { area, error } = self.exchange;
@@ -79,7 +81,7 @@ impl Stated {
         [area, error, rounding, self.n_rays]
     }
 
-    /// Reads what [`to_record`](Self::to_record) wrote; `None` for what cannot be that.
+    /// Reads the result of [`to_record`](Self::to_record); `None` for any other record.
     pub(super) fn from_record(record: Record) -> Option<Self> {
         let [numbers @ .., n_rays] = record;
         let [area, error, rounding] = numbers.map(f64::from_bits);
@@ -94,7 +96,7 @@ impl Stated {
 }
 
 impl Batches<'_> {
-    /// Returns an exchange area, its error with what comes of rounded corners; `integrated` is true if it is within the tolerance without.
+    /// Returns an exchange area with the error of rounded corners added; `integrated` is true if the error without that is within the tolerance.
     pub(super) fn stated(&self, pair: [usize; 2], seen: Seen<'_>, exchange: Exchange, integrated: bool) -> Stated {
         let rounding = self.rounding(pair, seen);
         Stated {
@@ -108,11 +110,11 @@ impl Batches<'_> {
         }
     }
 
-    /// Counts a pair whose error is above the tolerance, by what makes it so.
+    /// Counts a pair whose error is above the tolerance, by its cause.
     pub(super) fn count(&self, pair: [usize; 2], stated: Stated, counts: &mut PairCounts) {
         let goal = self.goal(pair);
         counts.n_above_tolerance += u64::from(!stated.integrated);
-        // An ulp beyond the tolerance is that of a sum.
+        // An excess of an ulp is the rounding of a sum.
         if stated.rounding > 0.0
             && stated.exchange.error > goal * (1.0 + STORED)
             && (stated.integrated || stated.rounding > goal)
@@ -121,9 +123,9 @@ impl Batches<'_> {
         }
     }
 
-    /// Counts a pair that is taken over from before a change with its error, if that is above the tolerance.
+    /// Counts a pair taken over from before a change with its error, if that is above the tolerance.
     ///
-    /// The cause is unknown here: rounding, if that explains all beyond the tolerance, whether something was left out between the two or not.
+    /// The cause is unknown here: it counts as rounding if that explains all of the excess, whether an occluder was left out between the two or not.
     pub(super) fn count_kept(&self, pair: [usize; 2], kept: Exchange, counts: &mut PairCounts) {
         if self.before.is_none_or(|before| before.tolerance_met) {
             return;
@@ -174,12 +176,12 @@ impl Batches<'_> {
         }
     }
 
-    /// Returns whether what a pair may exchange by rounding alone is worth an entry.
+    /// Returns whether the most that a pair may exchange by rounding alone is worth an entry.
     pub(super) fn is_stated(&self, pair: [usize; 2], most: f64) -> bool {
         most > UNSTATED * self.goal(pair)
     }
 
-    /// Counts a pair that exchanges nothing but for rounding, if that is above the tolerance.
+    /// Counts a pair that exchanges light by rounding alone, if that is above the tolerance.
     pub(super) fn count_hidden(&self, pair: [usize; 2], most: f64, counts: &mut PairCounts) {
         if most > self.goal(pair) {
             self.count_rounding(pair, most, counts);
@@ -191,8 +193,10 @@ impl Batches<'_> {
         counts.rounding_error_max = counts.rounding_error_max.max(rounding / self.smaller_area(pair));
     }
 
-    /// Returns what rounded corners add to the error of an exchange area, m²: by how corners and occluders move ([`Rounded::error`](crate::form_factor::rounded::Rounded::error)), no less than the border of corners
-    /// off their patches' planes; and, if something was left out between the two that reaches in between by no more than that, the border of both that this may hide.
+    /// Returns the error that rounded corners add to an exchange area, m².
+    ///
+    /// It has the effect of moves of corners and occluders ([`Rounded::error`](crate::form_factor::rounded::Rounded::error)), or that of the border of corners off their patches' planes if that is larger.
+    /// If an occluder was left out that reaches in between by no more than rounding, the border of both patches that it may hide is added.
     pub(super) fn rounding(&self, pair: [usize; 2], seen: Seen<'_>) -> f64 {
         let [i, j] = pair;
         let bent = (self.patches.borders[i] + self.patches.borders[j]) * seen.exchange;
@@ -204,16 +208,16 @@ impl Batches<'_> {
         bent.max(self.moved(pair, seen)) + hidden + seen.moved
     }
 
-    /// Returns what of an exchange area passes within the width that rounding may close, or open, along the borders of both patches, m².
+    /// Returns the part of an exchange area, m², that passes within the width that rounding may close, or open, along the borders of both patches.
     pub(super) fn passing(&self, [i, j]: [usize; 2], exchange: f64) -> f64 {
         let slack = self.index.as_ref().map_or(0.0, OccluderIndex::slack);
-        // What is left out was meant to touch, and reaches in by what rounding does to it, not by all that it is left out for.
+        // The part left out was meant to touch, and reaches in by its rounding, which is less than the slack up to which parts are left out.
         let slack = if self.rounded.is_some() { REACH * slack } else { slack };
         let of_both = self.hidden_border([i, j], slack, exchange) + self.hidden_border([j, i], slack, exchange);
         of_both.min(exchange)
     }
 
-    /// Returns what the moves of corners that are rounded in the file add.
+    /// Returns the error from moves of corners that are rounded in the file.
     fn moved(&self, pair: [usize; 2], seen: Seen<'_>) -> f64 {
         let Some(rounded) = &self.rounded else {
             return 0.0;
@@ -227,10 +231,10 @@ impl Batches<'_> {
         rounded.error(pair, seen.exchange, seen.unoccluded, occluders)
     }
 
-    /// Returns what of an exchange area the border of patch i may lose, m², if what stands on its plane hides light that passes within `slack` of it.
+    /// Returns the part of an exchange area, m², that an occluder on the plane of patch i may hide within `slack` of the patch's border.
     ///
     /// Light at an angle θ to the normal is hidden in a strip as wide as slack / cos θ, whose share of it is the flux without its cosine: the exchange area times slack L / (A cos θ) with L the perimeter,
-    /// and never more than slack L Ω / π, where Ω ≤ 2π is the solid angle of all that is in front. The angle is that of the other's middle, or half of that of its highest corner where that is more: the middle may
+    /// and at most slack L Ω / π, where Ω ≤ 2π is the solid angle of the front half-space. The angle is that of the other patch's middle, or half of that of its highest corner where that is more: the middle may
     /// lie in the plane.
     fn hidden_border(&self, [i, j]: [usize; 2], slack: f64, exchange: f64) -> f64 {
         let middle = |k: usize| {

@@ -6,20 +6,20 @@ use super::corners::CornerSums;
 use super::lattice::Repeats;
 use crate::form_factor::pairs::Exchange;
 
-/// Two faces with fewer pairs than this are not looked at as a whole: they have few corners in common.
+/// The fewest pairs of two faces that are computed together: with fewer, the faces have few corners in common.
 pub(super) const MIN_PAIRS: usize = 16;
 
 /// Pairs of two faces, computed together.
 pub(super) enum Table {
     Repeats(Repeats),
-    /// Of these rows of a batch.
+    /// Of the rows of a batch.
     Corners(CornerSums, Range<usize>),
 }
 
 impl Table {
     /// Returns whether it holds these rows of a batch, to the bits of a table that is made for them.
     ///
-    /// Sums over corners hold more rows than they are made for: whole ones of a grid. The last bits depend on where these begin, and a batch may be the first of a run that goes on from a
+    /// Sums over corners hold more rows than they are made for: whole rows of a grid. The last bits depend on where these begin, and a batch may be the first of a run that continues from a
     /// checkpoint, or of a rank. So none is kept for the next batch.
     pub(super) fn is_of(&self, rows: &Range<usize>) -> bool {
         match self {

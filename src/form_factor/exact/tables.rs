@@ -29,7 +29,7 @@ impl Batches<'_> {
         table.map_or_else(|| kernel(i, j), |table| table.get_or(&self.patches, (i, j), kernel))
     }
 
-    /// Makes tables for the grids of some faces with those of all that they see anything of, and forgets those of grids before `first_row`.
+    /// Makes tables for the grids of some faces with those of all faces that they see part of, and drops those of grids before `first_row`.
     fn find_grid_tables(&mut self, first_row: usize, faces: &Range<usize>, views: &[Views]) {
         let grids = &self.grids;
         self.grid_tables
@@ -55,7 +55,9 @@ impl Batches<'_> {
         }
     }
 
-    /// Computes the tables of some faces of a batch with all later ones that they see anything of, for the rows of the batch, and forgets those of faces before it.
+    /// Computes the tables of some faces of a batch with all later faces that they see part of, for the rows of the batch.
+    ///
+    /// Tables of faces before the batch are dropped.
     pub(super) fn find_tables(
         &mut self,
         (of_batch, rows): (&Range<usize>, &Range<usize>),
@@ -64,7 +66,7 @@ impl Batches<'_> {
     ) {
         self.find_grid_tables(rows.start, faces, views);
         let mut tables = std::mem::take(&mut self.tables);
-        // What does not hold these rows goes first: perhaps nothing takes its place.
+        // Tables without these rows go first: perhaps none takes their place.
         tables.retain(|[f, _], table| of_batch.contains(f) && table.is_of(&self.rows_of(*f, rows)));
         let patches = &self.patches;
         let missing: Vec<[usize; 2]> = faces

@@ -1,4 +1,4 @@
-//! The later faces that one face sees: whole branches of the tree of faces at once, where nothing can stand in between or one thing hides all.
+//! The later faces that one face sees: whole branches of the tree of faces at once where nothing can occlude them, or one occluder hides all.
 
 use std::ops::Range;
 
@@ -10,30 +10,30 @@ use crate::visibility::occluders::{Between, Candidate, Closer, OccluderId, Occlu
 /// The later faces that some patches of a face may see.
 #[derive(Default)]
 pub(super) struct Views {
-    /// In ascending order; without those that are only counted.
+    /// In ascending order, without the faces that are only counted.
     pub(super) faces: Vec<FaceView>,
-    /// Later faces of one patch that face one of one patch, all hidden, for which nothing is stated.
+    /// The number of later faces of one patch that face one of one patch, all hidden, with no stated error.
     pub(super) n_hidden: usize,
 }
 
-/// So many of those that hid something last are tried on others.
+/// The number of recent occluders that are tried on other faces first.
 const N_CLOSERS: usize = 3;
 
-/// A search for what a face sees.
+/// A search for the faces that a face sees.
 struct Search<'a> {
     batches: &'a Batches<'a>,
     face: usize,
     from: Outlook<'a>,
     /// The candidates of all nodes on the way from the root, one after the other.
     candidates: Vec<Candidate>,
-    /// The occluder that hid something last comes first.
+    /// The last occluder that hid a face comes first.
     closers: [Option<Closer>; N_CLOSERS],
     scratch: Vec<OccluderId>,
     found: Views,
 }
 
 impl Batches<'_> {
-    /// Looks at a face and all later ones that it faces.
+    /// Searches a face and all later ones that it faces.
     pub(super) fn views_of(&self, f: usize) -> Views {
         if self.progress.is_cancelled() {
             return Views::default();
@@ -68,7 +68,7 @@ impl Batches<'_> {
 }
 
 impl Search<'_> {
-    /// Looks at the faces below a node of the tree, which `among` the candidates may be hidden by.
+    /// Searches the faces below a node of the tree, which `among` the candidates may be hidden by.
     fn below(&mut self, node: usize, among: Range<usize>) {
         let batches = self.batches;
         if batches.tree.is_behind(self.face, node) {
@@ -109,7 +109,7 @@ impl Search<'_> {
         g > self.face && self.batches.faces_face(self.face, g)
     }
 
-    /// Takes the faces below a node, all of which something hides.
+    /// Adds the faces below a node, all of which are hidden by one occluder.
     fn hidden(&mut self, node: usize) {
         let batches = self.batches;
         for &g in batches.tree.faces(node) {
@@ -131,7 +131,7 @@ impl Search<'_> {
         }
     }
 
-    /// Looks at one face, with all that may stand in between.
+    /// Classifies one face against all of its possible occluders.
     fn look(&mut self, g: usize, among: Range<usize>) {
         let batches = self.batches;
         self.push(g, |search| {
@@ -337,10 +337,10 @@ mod tests {
         full: usize,
         hidden: usize,
         partial: usize,
-        /// Hidden by a solid, of which the look at one section of each shaft is not sure.
+        /// The number hidden by a solid, of which the search at one section of each shaft is not sure.
         hidden_surely: usize,
         n_counted_alone: usize,
-        /// With fewer occluders than a shaft finds.
+        /// The number with fewer occluders than a shaft finds.
         n_sharper: usize,
     }
 
@@ -395,7 +395,7 @@ mod tests {
                     assert!(direct.touched || !seen.touched, "{f} {g}");
                 }
                 _ if direct == seen => {}
-                // The shaft of a sliver has no reliable sides, and counts what is beside it too.
+                // The shaft of a sliver has no reliable sides, and counts occluders beside it too.
                 (PairVisibility::Partial(all), PairVisibility::Partial(_) | PairVisibility::Full) => {
                     counted.n_sharper += 1;
                     let left = match &seen.visibility {

@@ -1,4 +1,4 @@
-//! The way through the runs of one face: which pairs are looked at, kept, or settled at once.
+//! The way through the runs of one face: which pairs are classified, kept, or settled at once.
 
 use super::batches::{Batches, PartialPair, Strip};
 use super::patches::Run;
@@ -23,13 +23,13 @@ pub(super) struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// Deals with a run of columns whose visibility is known; `of_faces` is true if it is that of the rows' whole face.
+    /// Settles a run of columns whose visibility is known; `of_faces` is true if it is that of the rows' whole face.
     pub(super) fn settle(&mut self, columns: &Run, seen: &Between, of_faces: bool) {
         let touched = seen.touched;
         match &seen.visibility {
             PairVisibility::Full => self.each_facing_pair(columns, |walk, i, j| walk.push_full(i, j, touched)),
             PairVisibility::None => self.each_facing_pair(columns, |walk, i, j| walk.push_hidden(i, j, touched)),
-            // Of two patches that are their whole faces no more can be found out.
+            // Two patches that are their whole faces are classified already.
             PairVisibility::Partial(among) if of_faces && !self.is_one_pair() => self.look(columns, among, touched),
             PairVisibility::Partial(among) => match columns.halves {
                 Some(halves) => {
@@ -49,14 +49,14 @@ impl Walk<'_> {
         patches.are_one_pair(faces.map(|patch| patches.face_of_patch[patch]))
     }
 
-    /// Classifies the rows against a run of columns, of larger ones that are `touched` or not.
+    /// Classifies the rows against a run of columns; `touched` is that of the larger runs.
     fn look(&mut self, columns: &Run, among: &[OccluderId], touched: bool) {
         if self.may_keep && self.batches.is_kept(&self.rows.hull, &columns.hull) {
             self.keep(columns);
             return;
         }
         let mut seen = self.batches.between(&self.rows.hull, &columns.hull, Some(among));
-        // What was left out between the larger ones is asked for no more.
+        // An occluder left out between the larger runs is not among the candidates here.
         seen.touched |= touched && seen.visibility != PairVisibility::None;
         self.settle(columns, &seen, false);
     }
@@ -70,7 +70,7 @@ impl Walk<'_> {
         self.strip.counts.kept += 1;
         let column = PatchId::from_index(j).0;
         let before = &self.strip.before[i - self.rows.patches.start];
-        // What is not stored was 0 for certain, and is.
+        // An exchange area that is not stored was 0 for certain, and stays 0.
         if let Ok(place) = before.binary_search_by_key(&column, |entry| entry.0) {
             let (_, area, error) = before[place];
             self.batches
@@ -114,7 +114,7 @@ impl Walk<'_> {
         self.push(i, j, stated.exchange);
     }
 
-    /// Counts a hidden pair, and states what passes by what hides it, if that is `touched`: known to hide all but for rounded coordinates.
+    /// Counts a hidden pair; where it is hidden but for rounded coordinates (`touched`), the light that may pass is stated as its error.
     fn push_hidden(&mut self, i: usize, j: usize, touched: bool) {
         self.strip.counts.hidden += 1;
         if !touched {

@@ -1,4 +1,4 @@
-//! Convex solids as occluders: what one hides from a point lies behind its silhouette.
+//! Convex solids as occluders: from a point, the region behind a solid's silhouette is hidden.
 
 use glam::DVec3;
 
@@ -7,10 +7,10 @@ use super::receiver::Receiver;
 use super::shadow::{EDGE_ON, HalfSpace, Place};
 use crate::visibility::occluders::{Body, Occluder};
 
-/// A solid with fewer sides among the occluders is as many polygons: silhouettes gain nothing there, and each side has few discontinuity lines. A box in triangles shows six.
+/// The fewest sides of a solid that is treated by its silhouette; one with fewer is as many polygons, as each side has few discontinuity lines. A box in triangles shows six.
 const MIN_SIDES: usize = 7;
 
-/// Returns the solids that hide things by their silhouettes: those of which many sides are among some occluders.
+/// Returns the solids that are treated by their silhouettes: those of which many sides are among some occluders.
 pub(super) fn of<'a>(occluders: &[Occluder<'a>]) -> Vec<Body<'a>> {
     let mut found: Vec<(Body<'a>, usize)> = Vec::new();
     for body in occluders.iter().filter_map(|side| side.body) {
@@ -52,17 +52,17 @@ struct Edge {
 pub(super) struct Silhouette {
     /// The sides that face some points of the receiver, and others not.
     turning: Vec<Facet>,
-    /// Of those that face all of it, the ones whose plane cuts the target.
+    /// The sides that face all of it and whose plane cuts the target.
     cutting: Vec<Facet>,
     /// The edges that are not between two sides that face all of the receiver, or none of it.
     edges: Vec<Edge>,
-    /// Of each side, whether it faces the point; what holds for all points is set once.
+    /// For each side, whether it faces the point; values that hold for all points are set once.
     faces: Vec<bool>,
     any_faces: bool,
 }
 
 impl Silhouette {
-    /// Prepares a solid for a target, whose `middle` is near all of it; `None` if it hides nothing of that from the receiver.
+    /// Prepares a solid for a target, whose `middle` is near all of it; `None` if the solid hides no part of the target from the receiver.
     pub(super) fn new(body: Body<'_>, receiver: &Receiver, target: &[DVec3], middle: DVec3) -> Option<Self> {
         let solid = body.0;
         let mut ends: Vec<Option<[DVec3; 2]>> = vec![None; solid.planes().len()];
@@ -133,7 +133,7 @@ impl Silhouette {
         Some(silhouette)
     }
 
-    /// Sets the half-spaces whose intersection is what the solid hides from a point; false if it hides nothing.
+    /// Sets the half-spaces whose intersection is the region that the solid hides from a point; false if it hides nothing.
     pub(super) fn half_spaces(&mut self, point: DVec3, half_spaces: &mut Vec<HalfSpace>) -> bool {
         let mut any_faces = self.any_faces;
         for facet in &self.turning {
@@ -174,7 +174,7 @@ impl Silhouette {
     }
 }
 
-/// The corners of a solid, and how wide it is at least, in m.
+/// The corners of a solid, and its least width, in m.
 #[derive(Clone, Debug)]
 pub(super) struct Extent {
     corners: Vec<DVec3>,
@@ -182,7 +182,7 @@ pub(super) struct Extent {
 }
 
 impl Extent {
-    /// Gathers what is known of a solid, its corners as the receiver's frame has them from its origin.
+    /// Makes the extent of a solid, with its corners in the receiver's frame from its origin.
     pub(super) fn of(body: Body<'_>, receiver: &Receiver) -> Self {
         let solid = body.0;
         let depth = |height: f64| (-height).max(0.0);
@@ -193,7 +193,7 @@ impl Extent {
         }
     }
 
-    /// Returns whether a plane parts the solid from the convex hull of a cell and a target: then it hides nothing between them. False where that is not certain.
+    /// Returns whether a plane separates the solid from the convex hull of a cell and a target, so that it hides nothing between them. False where that is uncertain.
     pub(super) fn is_beside(&self, cell: &[DVec3; 3], target: &[DVec3]) -> bool {
         let parts = |a: DVec3, b: DVec3, c: DVec3| {
             let normal = (b - a).cross(c - a);

@@ -84,9 +84,9 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// Cuts a convex polygon along events until none crosses a cell deeper than `margin`, or there are `most` cells; larger cells come first.
+    /// Cuts a convex polygon along events until none crosses a cell deeper than `margin`, or there are `most` cells.
     ///
-    /// A cut runs along the whole line of an event through the cell.
+    /// Larger cells come first, and a cut runs along the whole line of an event through the cell.
     pub(super) fn cut(corners: Vec<DVec2>, events: &[Event], margin: f64, most: usize) -> Self {
         let all: Vec<u32> = (0..u32::try_from(events.len()).unwrap_or(u32::MAX)).collect();
         let (mut done, mut are_whole) = (Vec::new(), true);
@@ -181,7 +181,7 @@ impl Ord for Cell {
     }
 }
 
-/// Returns the length of the part of an event that lies more than `margin` inside of a convex polygon, wound counter-clockwise; 0 in one that is no larger than `margin`.
+/// Returns the length of the part of an event that lies more than `margin` inside a convex polygon, wound counter-clockwise; 0 in a polygon no larger than `margin`.
 fn length_inside(event: &Event, corners: &[DVec2], margin: f64) -> f64 {
     let (mut low, mut high, mut is_speck) = (0.0_f64, 1.0_f64, true);
     let Some(&last) = corners.last() else {
@@ -190,7 +190,7 @@ fn length_inside(event: &Event, corners: &[DVec2], margin: f64) -> f64 {
     let mut a = last;
     for &b in corners {
         let edge = b - a;
-        // Cuts through one point leave edges of rounding's length, whose direction means nothing.
+        // Cuts through one point leave edges as short as rounding, whose direction means nothing.
         if edge.length_squared() <= margin * margin {
             continue;
         }

@@ -2,7 +2,8 @@
 //!
 //! Seen from a point x, the visible part of the target is a polygon. It changes its structure where a vertex v crosses an
 //! edge ab in the view: x then lies on the line in which the plane of v, a, b cuts the receiver, within the image of ab
-//! as projected from v. Where a and v lie in the receiver's own plane that plane says nothing: they cover each other on the line through both. (Where three edges cross in the view x lies on a conic instead; those events are not listed here.)
+//! as projected from v. Where a and v lie in the receiver's own plane that plane does not apply: they cover each other on the line through both.
+//! (Where three edges cross in the view x lies on a conic instead; those events are not listed here.)
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -14,7 +15,7 @@ use super::receiver::Receiver;
 use super::screen::{Screen, inward_normals};
 use crate::geometry::clip::clip_contour;
 
-/// The sign of a difference is certain from this share of its terms on: [`Flat::rise`] takes the difference of heights as it is there.
+/// The share of its terms from which on the sign of a difference is certain: [`Flat::rise`] computes the difference of heights as it is there.
 const CERTAIN: f64 = 1e-3;
 
 /// A segment in the receiver's plane where the view changes.
@@ -39,13 +40,13 @@ struct Vertex {
 struct Edge {
     /// The numbers of its ends.
     vertices: [usize; 2],
-    /// For an edge of occluders: the number of these, and the first two by their screens, each true if it has the edge from the first end to the second.
+    /// For an edge of occluders: their number, and the first two by their screens, each true if its edge runs from the first end to the second.
     n_screens: usize,
     screens: [(usize, bool); 2],
     of_target: bool,
 }
 
-/// Vertices and edges of occluders that have been met: looked up in a list while there are few, which takes less time than hashing.
+/// Vertices and edges of occluders found so far: a list is searched while they are few, which takes less time than hashing.
 #[derive(Default)]
 struct Known {
     vertices: Vec<(DVec3, usize)>,
@@ -54,7 +55,7 @@ struct Known {
     edge_of_ends: HashMap<[usize; 2], usize>,
 }
 
-/// Lists up to this length are searched from the beginning.
+/// The greatest length of a list that is searched from the beginning.
 const SHORT: usize = 32;
 
 impl Known {
@@ -209,7 +210,7 @@ impl<'a> Outline<'a> {
         self.edges.len() - 1
     }
 
-    /// Returns an upper bound of the work that [`events`](Self::events) is: the pairs of a vertex and an edge.
+    /// Returns an upper bound of the work of [`events`](Self::events): the pairs of a vertex and an edge.
     pub(super) fn n_pairs(&self) -> usize {
         self.vertices.len() * self.edges.len()
     }
@@ -250,7 +251,7 @@ impl<'a> Outline<'a> {
         self.vertices.iter().flat_map(|vertex| level(vertex.position)).collect()
     }
 
-    /// Returns whether [`event`](Self::event) may find anything; it is left to decide what rounding may decide.
+    /// Returns whether [`event`](Self::event) may find anything; true where rounding may decide.
     fn may_meet(&self, levels: &[f64], v: usize, edge: &Edge, far_edge: bool) -> bool {
         let (n_of_receiver, n_sides) = (self.sides[0].len(), self.sides[0].len() + self.sides[1].len());
         let of = |vertex: usize| &levels[vertex * n_sides..(vertex + 1) * n_sides];
@@ -273,7 +274,7 @@ impl<'a> Outline<'a> {
         vertex.of_target || edge.of_target || !passes_by(-sign, vertex.g, ends.map(|end| end.g), n_of_receiver..n_sides)
     }
 
-    /// Returns from where two points in the receiver's plane lie behind each other: corners of occluders that stand on or pierce the plane,
+    /// Returns the lines on which two points in the receiver's plane cover each other: corners of occluders that stand on or pierce the plane,
     /// and those of the target.
     ///
     /// From the receiver they are on the horizon, where the target is seen only if it reaches down to the plane too.
@@ -319,7 +320,7 @@ impl<'a> Outline<'a> {
         events
     }
 
-    /// Returns from where an occluder is seen edge on, if that makes a difference: if its plane cuts the receiver and the target.
+    /// Returns the line from which an occluder is seen edge on, if its plane cuts the receiver and the target; elsewhere that makes no difference.
     fn edge_on(&self, plane: &Flat) -> Option<Event> {
         let height = |v: DVec3| plane.height(v);
         let mut sides = [false; 2];
@@ -344,7 +345,7 @@ impl<'a> Outline<'a> {
         })
     }
 
-    /// Returns where, seen from the receiver, the vertex lies on the edge; `far_edge` is true if the edge is behind the vertex.
+    /// Returns the segment from which the vertex lies on the edge in the view; `far_edge` is true if the edge is behind the vertex.
     fn event(&self, vertex: usize, edge: &Edge, far_edge: bool) -> Option<Event> {
         let (number, vertex) = (vertex, &self.vertices[vertex]);
         let v = vertex.position;
@@ -429,7 +430,7 @@ impl<'a> Outline<'a> {
         if edge.n_screens != 2 {
             return false;
         }
-        // Each plane is turned so that its sign tells on which side of the edge, seen from a point, the occluder lies.
+        // Each plane is turned so that its sign shows on which side of the edge, seen from a point, the occluder lies.
         let planes = edge.screens.map(|(screen, is_forward)| {
             let plane = self.screens[screen].plane;
             if is_forward { plane } else { plane.turned() }
@@ -455,7 +456,7 @@ struct Span {
 }
 
 impl Span {
-    /// Keeps what is not negative of an affine function given by its values at 0 and at 1; `None` if nothing is left.
+    /// Keeps the part where an affine function given by its values at 0 and at 1 is not negative; `None` if that is empty.
     fn keep(&mut self, [at_0, at_1]: [f64; 2]) -> Option<()> {
         let zero = || at_0 / (at_0 - at_1);
         if at_0 < 0.0 {

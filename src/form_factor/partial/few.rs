@@ -10,8 +10,8 @@ const PLACES: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
 
 /// Integrates f ≥ 0 over a triangle (degree 2) or a convex quadrilateral (degree 3 along both sides), for functions that are analytic inside.
 ///
-/// So few points tell no degrees apart: the error is taken as half of the range of the values on them times the area, far above the true one of a smooth function. A function
-/// whose values agree on all points by symmetry shows nothing at all, so that the caller states an error of its own beside it.
+/// So few points cannot separate degrees: the error is taken as half of the range of the values on them times the area, far above the true one of a smooth function. A function
+/// whose values agree on all points by symmetry shows no error at all, so that the caller states one of its own beside it.
 /// Sources: the three points (1/6, 1/6, 2/3) and the product of Gauss rules of two points, as in any table of quadrature rules. Departures: none.
 pub(super) fn integrate(shape: Shape, mut f: impl FnMut(DVec2) -> Parts) -> Estimate {
     match shape {

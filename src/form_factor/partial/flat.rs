@@ -9,8 +9,8 @@ pub(super) const FLAT: f64 = 1e-12;
 
 /// The plane of a polygon.
 ///
-/// A point counts as in the plane from a share of its distance from the polygon and of the polygon's size on, and within 16 ulps of both coordinates: other polygons,
-/// which may be far off and large, have no part in it.
+/// A point counts as in the plane within a share of its distance from the polygon and of the polygon's size, and within 16 ulps of both coordinates: other polygons,
+/// which may be far off and large, do not matter.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Flat {
     /// The unit normal.
@@ -56,7 +56,7 @@ impl Flat {
         share * (self.size + (p - self.origin).abs().element_sum()) + self.rounding + ulps(p)
     }
 
-    /// Returns the height of a point, 0 where the point counts as in the plane.
+    /// Returns the height of a point; 0 where the point counts as in the plane.
     pub(super) fn snapped_height(&self, p: DVec3, share: f64) -> f64 {
         let height = self.height(p);
         if height.abs() <= self.tolerance(p, share) {
@@ -66,9 +66,9 @@ impl Flat {
         }
     }
 
-    /// Returns how much higher one point lies than another, given the heights of both.
+    /// Returns the height of one point above another, given the heights of both.
     ///
-    /// Where the difference would lose digits, as of two points beside each other and far from the plane, it is taken from the points.
+    /// Where the difference would lose digits, as for two points beside each other and far from the plane, it is computed from the points.
     pub(super) fn rise(&self, (p, h_p): (DVec3, f64), (q, h_q): (DVec3, f64)) -> f64 {
         let plain = h_p - h_q;
         if plain.abs() >= 1e-3 * h_p.max(h_q) {
@@ -84,9 +84,9 @@ fn ulps(p: DVec3) -> f64 {
     16.0 * f64::EPSILON * p.abs().max_element()
 }
 
-/// Returns where the line through two points meets a plane, times `rise`, how much higher p lies than q: h_p q − h_q p.
+/// Returns the point where the line through two points meets a plane, times `rise`, the height of p above q: h_p q − h_q p.
 ///
-/// From the lower of the two points, so that the digits of a point beside the plane are kept, however far off the other is.
+/// It starts from the lower of the two points, so that the digits of a point beside the plane are kept, however far off the other is.
 pub(super) fn crossing((p, h_p): (DVec3, f64), (q, h_q): (DVec3, f64), rise: f64) -> DVec3 {
     if h_q <= h_p {
         q * rise + (q - p) * h_q

@@ -12,21 +12,21 @@ use crate::mesh::{Mesh, PatchId};
 use crate::scene::Scene;
 use crate::visibility::occluders::{OccluderId, OccluderIndex};
 
-/// Faces and patches within this part of the size of the scene of one plane lie in it.
+/// The part of the scene's size within which faces and patches count as in one plane.
 const IN_PLANE: f64 = 1e-12;
 
-/// A part of a patch that a point sees, from the front or from behind; its corners are as seen from the point, and run counter-clockwise there.
+/// A part of a patch that a point sees, from the front or from behind; its corners run counter-clockwise as seen from the point.
 pub(crate) struct SeenPart<'a> {
     pub(crate) patch: usize,
     pub(crate) is_back: bool,
     pub(crate) corners: &'a [DVec3],
-    /// No less than the length of its border as the point sees it, rad.
+    /// An upper bound of the length of its border as the point sees it, rad.
     pub(crate) border: f64,
     /// The distance of its border, m.
     pub(crate) distance: f64,
 }
 
-/// Where a point is.
+/// The position of a point relative to the faces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Place {
     /// In the open.
@@ -94,12 +94,12 @@ impl PointViews {
         }
     }
 
-    /// Returns how far off a corner may be, m.
+    /// Returns the greatest possible error of a corner, m.
     pub(crate) fn tolerance(&self) -> f64 {
         self.tolerance
     }
 
-    /// Returns where a point is.
+    /// Returns the position of a point relative to the faces.
     pub(crate) fn place(&self, point: DVec3) -> Place {
         let mut is_on_face = false;
         self.tree_of_faces
@@ -111,9 +111,9 @@ impl PointViews {
         if is_on_face { Place::OnFace } else { Place::Free }
     }
 
-    /// Returns whether light from a unit direction reaches a point past all faces, and whether that is certain: whether it passes no border nearer than corners may be off.
+    /// Returns whether light from a unit direction reaches a point past all faces, and whether that is certain: any border it passes is farther away than corners may be off.
     pub(crate) fn is_lit(&self, point: DVec3, direction: DVec3) -> (bool, bool) {
-        // How far inside of the face light meets its plane, m; below 0 outside.
+        // The depth inside the face at which light meets its plane, m; below 0 outside.
         let depth = |face: &Plate| {
             let (height, slope) = (face.height(point), face.normal.dot(direction));
             let t = -height / slope;
@@ -126,10 +126,10 @@ impl PointViews {
             let inside = edges.map(|(&a, &b)| face.normal.dot((b - a).cross(hit - a)) / b.distance(a));
             inside.fold(f64::INFINITY, f64::min)
         };
-        // A face that light passes at a distance has no say in either answer.
+        // A face that light passes at a distance affects neither answer.
         let mut deepest = f64::NEG_INFINITY;
         let is_near = |around| is_met(widened(around, 2.0 * self.tolerance), point, direction);
-        // Nothing breaks off.
+        // The search visits all.
         let _ = self.tree_of_faces.meeting(&is_near, &mut |k| {
             deepest = deepest.max(depth(&self.faces[k as usize]));
             ControlFlow::Continue(())
@@ -137,10 +137,11 @@ impl PointViews {
         (deepest < 0.0, deepest.abs() > self.tolerance)
     }
 
-    /// Calls `visit` with every part of a patch that a point sees; with a `normal`, of what is in front of it. Returns the distance of the nearest face that hides a part of anything, m.
+    /// Calls `visit` with every part of a patch that a point sees, and returns the distance of the nearest face that hides a part of anything, m.
     ///
+    /// With a `normal`, only parts in front of it are visited.
     /// The directions are divided into cells, see [`view_cells`](super::view_cells); there each patch is cut by the pyramid over every face that may hide a part of it, beyond the plane of that face. Flat neighbours are
-    /// one face, and of a convex solid the far sides are left out. Of two patches back to back the front is seen. Accuracy: a few ulps at each cut.
+    /// one face, and the far sides of a convex solid are left out. Of two patches back to back the front is seen. Accuracy: a few ulps at each cut.
     /// Work: about O(n + m log m) for n patches, of which m are seen.
     pub(crate) fn visit(
         &self,
@@ -151,7 +152,7 @@ impl PointViews {
         View::look(self, (point, normal), scratch, visit)
     }
 
-    /// Returns whether an occluder hides nothing of a plate because no part of the plate is beyond it, or all of it in its plane.
+    /// Returns whether an occluder hides no part of a plate because none is beyond it, or all of the plate is in its plane.
     pub(super) fn is_before(&self, plate: &Plate, occluder: &Plate, point: DVec3) -> bool {
         let sign = occluder.height(point).signum();
         let heights = || plate.corners.iter().map(|&v| occluder.height(v));

@@ -1,4 +1,4 @@
-//! Products of Gauss rules on convex quadrilaterals, for functions that are analytic there and for the cell's size around.
+//! Products of Gauss rules on convex quadrilaterals, for functions that are analytic there and within the cell's size around.
 
 use glam::DVec2;
 
@@ -46,14 +46,14 @@ const ROOTS: [f64; 4] = [
     2.645_751_311_064_590_7,
 ];
 
-/// Places ∓√(3/5) and 0.
+/// The points ∓√(3/5) and 0.
 static THREE: Line<3> = Line::new(
     [-0.774_596_669_241_483_4, 0.0, 0.774_596_669_241_483_4],
     [5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0],
     [ROOTS[0], ROOTS[1], ROOTS[2]],
 );
 
-/// Places ∓√(3/7 ± 2/7 √(6/5)), weights (18 ∓ √30)/72.
+/// The points ∓√(3/7 ± 2/7 √(6/5)), with weights (18 ∓ √30)/72.
 static FOUR: Line<4> = Line::new(
     [
         -0.861_136_311_594_052_6,
@@ -70,7 +70,7 @@ static FOUR: Line<4> = Line::new(
     ROOTS,
 );
 
-/// Integrates f over a convex quadrilateral from 9 points, and from 16 where these are not enough; `enough` is an error that is good enough.
+/// Integrates f over a convex quadrilateral from 9 points, and from 16 where their error is above `enough`.
 ///
 /// With c_mn the coefficients of f times the element of area in orthonormal Legendre polynomials of the points, the error is taken as the norm of those whose higher degree is N − 1, with N points a side:
 /// the rule integrates them exactly, and the first that it misses has the degree 2N.

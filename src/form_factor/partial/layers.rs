@@ -1,8 +1,8 @@
 //! Layers along the border of a cell, thinner than the points of a rule can show.
 //!
-//! Between the discontinuity lines what is hidden is analytic, but on the scale of the distance to the edges that it is made of. Where such an
-//! edge runs close above the receiver, as in a narrow gap, the view may change within a strip of that width beside a discontinuity line, which no
-//! point of a rule lies in. Points at a tenth, a hundredth, ... of their inset then show what changes there.
+//! Between the discontinuity lines the hidden part is analytic, but on the scale of the distance to the edges that form it. Where such an
+//! edge runs close above the receiver, as in a narrow gap, the view may change within a strip of that width beside a discontinuity line, between the border and the
+//! points of a rule. Points at a tenth, a hundredth, ... of their inset then show the change there.
 
 use glam::{DVec2, DVec3};
 
@@ -20,7 +20,7 @@ pub(super) struct LowEdges {
 }
 
 impl LowEdges {
-    /// Keeps those of some edges that are nearer to a receiver with these corners than the outermost points of a rule are to its border.
+    /// Keeps the edges that are nearer to a receiver with these corners than the outermost points of a rule are to its border.
     pub(super) fn new(edges: impl Iterator<Item = [DVec3; 2]>, corners: &[DVec2], tolerance: f64) -> Self {
         let bounds = Bounds::of(corners);
         let (mut kept, mut lowest) = (Vec::new(), f64::INFINITY);
@@ -46,7 +46,7 @@ impl LowEdges {
         self.lowest
     }
 
-    /// Returns by how much the integrals over a triangle may be off for its layers, and the number of points that this took.
+    /// Returns the errors of the integrals over a triangle by its layers, and the number of points that this took.
     pub(super) fn error(&self, corners: [DVec2; 3], mut f: impl FnMut(DVec2) -> Parts) -> (Parts, usize) {
         let bounds = Bounds::of(&corners);
         let heights = self
@@ -76,12 +76,12 @@ impl LowEdges {
     }
 }
 
-/// An occluder's part between receiver and target is low up to this fraction of the receiver's diameter.
+/// The greatest height of a low part of an occluder between receiver and target, as a fraction of the receiver's diameter.
 const LOW: f64 = 0.1;
 
-/// Returns where a receiver is cut for a low part of an occluder, given in the receiver's frame: below its edges, and across it at its corners.
+/// Returns the cuts of a receiver for a low part of an occluder, given in the receiver's frame: below its edges, and across it at its corners.
 ///
-/// The hidden part is greatest there, within its own height; where the target is as near, no discontinuity line tells the place.
+/// The hidden part is greatest there, within its own height; where the target is as near, no discontinuity line marks the position.
 pub(super) fn cuts(part: &[DVec3], diameter: f64) -> Vec<Event> {
     if part.len() < 3 || part.iter().any(|v| v.z > LOW * diameter) {
         return Vec::new();
@@ -104,7 +104,7 @@ pub(super) fn cuts(part: &[DVec3], diameter: f64) -> Vec<Event> {
     below.chain(at_corners).collect()
 }
 
-/// How much nearer to the border the points of the next step are.
+/// The distance of the next step's points from the border, relative to that of the last.
 const STEP: f64 = 0.1;
 
 /// A box around a polygon in the receiver's frame.
@@ -126,7 +126,9 @@ impl Bounds {
         }
     }
 
-    /// Returns the least height of an edge above the box; `None` if it is too high to make a layer, or reaches down to the plane: nothing has a scale there.
+    /// Returns the least height of an edge above the box.
+    ///
+    /// `None` if it is too high to make a layer, or reaches down to the plane, where there is no scale.
     fn height(&self, [from, to]: [DVec3; 2], tolerance: f64) -> Option<f64> {
         let reach = INSET * self.size;
         let (mut first, mut last) = (0.0_f64, 1.0_f64);

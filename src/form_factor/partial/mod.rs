@@ -1,8 +1,8 @@
 //! The exchange area of two polygons with occluders between them, to a given tolerance.
 //!
 //! A_P F_PQ = ∫_P F₀(x) dA − ∫_P F(x → hidden part of Q) dA. The first integral is the exchange area without occluders, which has a closed form. The inner factor of the second is exact:
-//! Q is clipped against the shadow of every occluder as seen from x, and the pieces that are left are summed by Lambert's formula. As a function of x it is analytic but for the lines on which
-//! the view changes its structure; P is cut along these first, and the cells are then integrated by an adaptive rule, worst cell first. Where more is hidden than not, the visible part is integrated instead.
+//! Q is clipped against the shadow of every occluder as seen from x, and the remaining pieces are summed by Lambert's formula. As a function of x it is analytic but for the lines on which
+//! the view changes its structure; P is cut along these first, and the cells are then integrated by an adaptive rule, worst cell first. Where more is hidden than visible, the visible part is integrated instead.
 //! f64 throughout. Where clipping many occluders would cost far more, rays in f64 take its place.
 
 #![expect(
@@ -57,53 +57,58 @@ pub(crate) use view_cells::Scratch;
 /// The share of the allowed error for the exchange area without occluders.
 const SHARE_OF_WHOLE: f64 = 1e-3;
 
-/// How exactly to integrate.
+/// The tolerance and the budget of an integration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accuracy {
     /// The tolerance on A_P F_PQ / min(A_P, A_Q): on the absolute error of the larger of the two form factors.
     pub tolerance: f64,
-    /// The number of evaluations of the inner factor after which no more are begun; the first look at all cells is always finished.
+    /// The number of evaluations of the inner factor after which no more begin; the first look at all cells is always finished.
     pub budget: usize,
 }
 
-/// An exchange area and how well it is known.
+/// An exchange area with its estimated error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Partial {
     /// A_P F_PQ = A_Q F_QP in m².
     pub exchange_area: f64,
     /// The estimate of its absolute error, in m².
     pub error: f64,
-    /// The number of points from which the other polygon was looked at.
+    /// The number of points from which the other polygon was viewed.
     pub n_evaluations: usize,
-    /// The number of rays between the polygons, where these took the place of clipping.
+    /// The number of rays between the polygons, where rays took the place of clipping.
     pub n_rays: usize,
     /// True if the estimate is within the tolerance; false if the budget was spent before.
     pub reached: bool,
 }
 
-/// Returns the exchange area of two convex planar polygons, of which occluders may hide any part from the other.
+/// Returns the exchange area of two convex planar polygons that occluders may hide from each other in any part.
 ///
-/// A_P F_PQ = ∫_P ∫_Q V cos θ_P cos θ_Q / (π r²) dA dA in m². Corners run counter-clockwise seen from the front; what lies behind the other
+/// A_P F_PQ = ∫_P ∫_Q V cos θ_P cos θ_Q / (π r²) dA dA in m². Corners run counter-clockwise seen from the front; the part behind the other
 /// polygon's plane does not count. `occluders` must hold all polygons that reach in between, such as
 /// [`OccluderIndex`](crate::visibility::occluders::OccluderIndex) finds; more do no harm. They may touch, pierce and overlap each other and
 /// both polygons; those in the plane of P or of Q hide nothing. Either order of P and Q gives the same bits.
 ///
-/// Accuracy: the estimated error is the sum over all cells of an estimate that looks at how fast the polynomial degrees of the integrand
-/// fall, and at what the integrand does on the cell's border, beyond the points of the rule. In a cell that is nearer to Q than some of its size the same points also integrate the form factor without
-/// occluders, which has a peak there and whose integral is known: what they miss of that, the integrand may miss in proportion to its share. Where edges run close above P, as in a narrow gap,
-/// points ever nearer to the cell's border show the layers in which the view changes. The error is at most what is visible or what is hidden, whichever is more.
-/// Against runs with a far smaller tolerance it held in all of several hundred random cases with up to three intersecting boxes and plates, and in a thousand climbs towards scenes where it would not;
-/// the true error is mostly more than ten times smaller. Tolerances down to 1e-12 are reached. What is left of Q within 1e-15 of
+/// Accuracy: the estimated error is the sum over all cells of an estimate from the decay of the integrand's polynomial degrees
+/// and from its values on the cell's border, beyond the points of the rule. In a cell that is nearer to Q than some of its size the same points also integrate the form factor without
+/// occluders, which has a peak there and whose integral is known: the integrand may miss its share of the part that the points miss. Where edges run close above P, as in a narrow gap,
+/// points ever nearer to the cell's border show the layers in which the view changes. The error is at most the visible or the hidden part, whichever is more.
+/// Against runs with a far smaller tolerance it held in all of several hundred random cases with up to three intersecting boxes and plates, and in a thousand climbs towards scenes where it would fail;
+/// the true error is mostly more than ten times smaller. Tolerances down to 1e-12 are reached. A remainder of Q within 1e-15 of
 /// the distances involved may count as hidden, and the result is exactly 0 where nothing else is seen.
-/// Between discontinuity lines, a view past one convex body is analytic. Where its edges and the target are three radii of a cell away or more, the cell is looked at from inside alone: a triangle from 7 or 19 points, a quadrilateral from 9 or 25.
-/// Where the tolerance is above all of the exchange area without occluders, each cell from which one body at most hides anything is looked at from 3 or 4 points inside,
-/// and a fifth of what it may be off by is stated at least: the true error is far smaller.
-/// Where the tolerance is above a hundredth of the exchange area without occluders, cells are first looked at from 7 or 9 points on their border and in the middle, with which most are
-/// done; what three edges of different occluders open between these points is not seen there, and at least 0.15 of the tolerance, by the area of the cells that something is hidden from, is then stated as error.
-/// Cells from which several bodies hide something are looked at from 13 or 25 points a triangle in any case.
-/// A closed convex solid hides from a point the region behind its silhouette, one convex polygon, however many sides there are. Of a solid with seven sides or more in the way, the discontinuity lines are left out at first: such a view is
-/// smooth but for small bends, and plain subdivision finds these. Cells that see nothing of the solid are told by a plane between; others in which all points agree state what may lie between the points. Where 200 evaluations for each side do not reach the goal, the lines are looked for after all.
-/// More than 4096 cells or a million pairs of vertices and edges are left to plain subdivision, which finds their lines with more evaluations.
+///
+/// Cells:
+/// - Between discontinuity lines, a view past one convex body is analytic. Where its edges and the target are three radii of a cell away or more,
+///   all points of the cell are inside: 7 or 19 of a triangle, 9 or 25 of a quadrilateral.
+/// - Where the tolerance is above all of the exchange area without occluders, each cell from which one body at most hides anything has 3 or 4 points inside,
+///   and at least a fifth of the error allowed is stated: the true error is far smaller.
+/// - Where the tolerance is above a hundredth of the exchange area without occluders, cells first have 7 or 9 points on their border and in the middle, which is enough for most.
+///   Three edges of different occluders may open a view between these points, which they miss: at least 0.15 of the tolerance, by the area of the cells that something is hidden from, is then stated as error.
+/// - Cells from which several bodies hide something have 13 or 25 points a triangle in any case.
+/// - A closed convex solid hides from a point the region behind its silhouette, one convex polygon, however many sides there are. The discontinuity lines of a solid with seven sides or more are left out at first:
+///   such a view is smooth but for small bends, and plain subdivision finds these. A plane between marks the cells that see nothing of the solid; others in which all points agree
+///   state an error for the part between the points. Where 200 evaluations for each side do not reach the goal, the lines are computed after all.
+/// - More than 4096 cells or a million pairs of vertices and edges are left to plain subdivision, which finds their lines with more evaluations.
+///
 /// A polygon without area, or with less than three corners, exchanges nothing; coordinates that are not finite give NaN.
 /// Cost: for each cell 3 or 4, 7 or 9, or for each triangle of it 13 or 25 evaluations, each in proportion to the number of occluders; P has as many cells as discontinuity lines cut it into.
 ///
@@ -140,7 +145,7 @@ impl Whole {
     /// The relative error that is always enough.
     const REL: f64 = 1e-13;
 
-    /// Computes it to within an absolute error, m²; either order of the two gives the same bits.
+    /// Computes it to an absolute error, m²; either order of the two gives the same bits.
     pub(super) fn of(p: &[DVec3], q: &[DVec3], error: f64) -> Self {
         let first = |side: &[DVec3]| side.first().map(DVec3::to_array);
         let in_order = if first(q) < first(p) { [q, p] } else { [p, q] };
@@ -160,25 +165,27 @@ impl Whole {
         }
     }
 
-    /// Returns an error that is no more than what a part of the whole can be off by.
+    /// Returns an error that is at most the greatest possible error of a part of the whole.
     fn bounded(self, part: f64, error: f64) -> f64 {
         error.min(part.max(self.area - part) + self.error)
     }
 }
 
-/// An integral that more work can be put into.
+/// An integral that more work can refine.
 pub(super) struct Integration {
     state: State,
 }
 
 enum State {
-    /// Nothing is gained by more work.
+    /// More work would gain nothing.
     Done(Partial),
     Open(Box<Pieces>),
 }
 
 impl Integration {
-    /// Looks at all cells once; see [`exchange_area`] for the arguments. `goal` is what the error is to be, m², and `whole` the exchange area without occluders.
+    /// Looks at all cells once.
+    ///
+    /// See [`exchange_area`] for the arguments; `goal` is the error wanted, m², and `whole` the exchange area without occluders.
     pub(super) fn begin(
         sides: [&[DVec3]; 2],
         occluders: &[Occluder<'_>],
@@ -216,7 +223,7 @@ impl Integration {
         }
     }
 
-    /// Cuts the worst pieces until the error is within `goal`, m², there have been `budget` evaluations in all, or `go_on` returns false. Returns whether anything was done.
+    /// Cuts the worst pieces until the error is within `goal`, m², `budget` evaluations are spent in all, or `go_on` returns false. Returns whether it did any work.
     pub(super) fn refine(&mut self, goal: f64, budget: usize, go_on: &dyn Fn() -> bool) -> bool {
         match &mut self.state {
             State::Done(_) => false,
@@ -244,7 +251,7 @@ impl Integration {
         }
     }
 
-    /// Returns what was found, in which `goal`, m², is reached or not.
+    /// Returns the result, and whether `goal`, m², is reached.
     pub(super) fn result(self, goal: f64) -> Partial {
         match self.state {
             State::Done(partial) => partial,
@@ -253,15 +260,15 @@ impl Integration {
     }
 }
 
-/// Integrates a pair with many occluders without looking for discontinuity lines, of which there are more than there would be points; `None` if that does not reach the goal. See [`Integration::begin`] for the arguments.
+/// Integrates a pair with many occluders without discontinuity lines, which would be more than the points; `None` if that does not reach the goal.
 ///
-/// Where the exchange area without occluders is up to [`SMALL_AMONG_MANY`] times the goal; what a shadow between all points may hide is stated as error.
+/// It is tried where the exchange area without occluders is up to [`SMALL_AMONG_MANY`] times the goal; the part that a shadow between all points may hide is stated as error. See [`Integration::begin`] for the arguments.
 pub(super) fn uncut(sides: [&[DVec3]; 2], occluders: &[Occluder<'_>], goal: f64, whole: Whole) -> Option<Partial> {
     let mut view = View::new(sides, occluders, whole).ok()?;
     view.uncut(goal)
 }
 
-/// Decides which polygon is integrated over: the one that is farther from all occluders in units of its own size, because shadows are softer there.
+/// Chooses the polygon to integrate over: the one that is farther from all occluders in units of its own size, because shadows are softer there.
 fn first_receives(sides: &[Vec<DVec3>; 2], occluders: &[Occluder<'_>]) -> bool {
     let [p, q] = sides.each_ref().map(|side| {
         let (low, high) = bounds(side);
@@ -295,41 +302,47 @@ fn bounds(corners: &[DVec3]) -> (DVec3, DVec3) {
     corners.iter().fold(all, |(low, high), &v| (low.min(v), high.max(v)))
 }
 
-/// The most cells that the receiver is cut into before integration; beyond, plain subdivision finds the rest of the lines.
+/// The most cells that the receiver is cut into before integration; plain subdivision finds the other lines.
 const MAX_CELLS: usize = 4096;
 
-/// The most pairs of a vertex and an edge that are looked at for discontinuity lines.
+/// The most pairs of a vertex and an edge that are tested for discontinuity lines.
 const MAX_EVENT_PAIRS: usize = 1 << 20;
 
-/// A pair whose exchange area without occluders is less than this part of what the tolerance allows is looked at from a few points alone.
+/// The part of the error allowed below which a pair's exchange area without occluders needs a few points alone.
 const SMALL: f64 = 0.03;
 
-/// A pair with many occluders is not cut where its exchange area without them is up to so many times what the tolerance allows: a cut costs far more there, and many small shadows make something smooth together.
+/// The multiple of the error allowed up to which a pair with many occluders is integrated uncut (see [`uncut`]), by its exchange area without them.
+///
+/// A cut costs far more there, and many small shadows together make a smooth integrand.
 /// Times: `docs/performance.md`.
 const SMALL_AMONG_MANY: f64 = 40.0;
 
-/// Evaluations past bodies, for each side in the way, after which their discontinuity lines are looked for: these are more the more sides there are, and so is the work between them.
+/// Evaluations past bodies, for each side of these, after which their discontinuity lines are computed.
+///
+/// More sides have more such lines, and more work between them.
 const PAST_BODIES: usize = 200;
 
 /// The least part of the error allowed that is stated there.
 const PAST_BODIES_SHARE: f64 = 0.02;
 
-/// The part of the error allowed that all cells together may state at the first look: nine pairs in ten then state less than 30 times their true errors, where these are a hundredth of the tolerance or more.
+/// The part of the error allowed that all cells together may state at the first look.
+///
+/// With it nine pairs in ten state less than 30 times their true errors, where these are a hundredth of the tolerance or more.
 const FIRST_SHARE: f64 = 0.3;
 
 /// The fraction of the unoccluded exchange area that a shadow between the seven sample points can hide.
 const UNSEEN: f64 = 0.15;
 
-/// The least part of the error allowed that is stated of three or four points in a cell.
+/// The least part of the error allowed that is stated for three or four points in a cell.
 const FEW_SHARE: f64 = 0.2;
 
-/// The same of other points, where the occluders are no convex body.
+/// The same for other points, where the occluders are no convex body.
 const UNSEEN_SHARE: f64 = 0.5;
 
-/// The same where they are one: in one of a thousand climbs the estimate was half of the true error, which was a thousandth of the tolerance.
+/// The same where they are one convex body: in one of a thousand climbs the estimate was half of the true error, which was a thousandth of the tolerance.
 const MIN_SHARE: f64 = 0.005;
 
-/// A tolerance is loose from this part of the exchange area without occluders on: nine points on a cell are then mostly enough.
+/// The part of the exchange area without occluders from which on a tolerance is loose: nine points on a cell are then mostly enough.
 const LOOSE: f64 = 0.01;
 
 /// A receiver, its target and their occluders.
@@ -343,7 +356,7 @@ struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    /// Chooses the receiver. Where there is nothing to look at the exchange area is returned as an error: 0, or NaN.
+    /// Chooses the receiver. The exchange area is returned as an error where nothing is to be integrated: 0, or NaN.
     fn new([p, q]: [&[DVec3]; 2], occluders: &[Occluder<'a>], whole: Whole) -> Result<Self, f64> {
         let [area_p, area_q] = [p, q].map(polygon::area_vector);
         let mut sides = [
@@ -365,7 +378,7 @@ impl<'a> View<'a> {
             normals.reverse();
         }
         let [corners, target] = sides;
-        // A side of a solid that is only seen from the back hides nothing that its front sides do not.
+        // A side of a solid that is only seen from the back hides nothing beyond its front sides.
         occluders.retain(|occluder| !occluder.one_sided || is_before(&corners, &occluder.corners));
         let receiver = Receiver::new(corners, normals[0]);
         let shadows = Shadows::new(&receiver, &target, &occluders);
@@ -419,7 +432,7 @@ impl<'a> View<'a> {
         (error <= goal).then_some(found)
     }
 
-    /// Integrates over the receiver without looking for discontinuity lines, if it exchanges less than [`SMALL_AMONG_MANY`] goals without occluders; `None` if that does not reach the goal.
+    /// Integrates over the receiver without discontinuity lines, if it exchanges less than [`SMALL_AMONG_MANY`] goals without occluders; `None` if that does not reach the goal.
     fn uncut(&mut self, goal: f64) -> Option<Partial> {
         let most = self.whole.area;
         if most.is_nan() || most >= SMALL_AMONG_MANY * goal {
@@ -431,7 +444,7 @@ impl<'a> View<'a> {
             .shapes()
             .flat_map(Shape::triangles)
             .collect();
-        // One shadow between all points is in one triangle, or between a few.
+        // One shadow between all points is within one triangle, or within a few.
         let mut unseen = UNSEEN * most;
         while unseen > 0.25 * goal {
             triangles = triangles
@@ -448,7 +461,7 @@ impl<'a> View<'a> {
         (found.error <= goal && area > 0.0).then_some(found)
     }
 
-    /// Looks at all cells: past bodies without their discontinuity lines first, and with these if that goes too slowly, for which `again` makes the same view.
+    /// Looks at all cells: past bodies without their discontinuity lines first, and with these if that takes too long; `again` makes the same view once more.
     fn look(self, again: impl FnOnce() -> Result<Self, f64>, goal: f64, budget: usize) -> Pieces {
         if self.bodies.is_empty() {
             return self.first_look(goal, budget, false);

@@ -1,8 +1,8 @@
-//! The cells of a receiver with their integrals: of what is visible or of what is hidden, whichever is known better.
+//! The cells of a receiver with their integrals: of the visible or of the hidden part, whichever is known better.
 //!
 //! Both add up to the exchange area without occluders, ∫ F₀ dA = ∫ V dA + ∫ H dA with 0 ≤ V, H ≤ F₀, whose exact value
-//! [`polygon_form_factor`](crate::geometry::polygon_form_factor) has for the whole receiver and, where it is wanted, for one cell. The
-//! points of a rule that miss a peak of the kernel thus cannot lose it where nothing is hidden.
+//! [`polygon_form_factor`](crate::geometry::polygon_form_factor) has for the whole receiver and, where it is wanted, for one cell. Thus where nothing is hidden,
+//! a peak of the kernel between the points of a rule is not lost.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
@@ -14,7 +14,7 @@ use super::{Partial, Whole};
 /// A part of the receiver with its integral.
 pub(super) struct Piece {
     shape: Shape,
-    /// Of what is visible or of what is hidden: of the part that all pieces of a receiver are summed of, m².
+    /// The integral of the part, visible or hidden, that is summed over all pieces of a receiver, m².
     integral: f64,
     error: f64,
 }
@@ -48,7 +48,7 @@ impl Ord for Piece {
     }
 }
 
-/// A receiver in pieces, all of which have been looked at.
+/// A receiver in pieces, all of which have been evaluated.
 pub(super) struct Pieces {
     sight: Sight,
     /// The exchange area without occluders.
@@ -57,7 +57,7 @@ pub(super) struct Pieces {
     base: usize,
     /// The error allowed, by area of the receiver.
     enough: f64,
-    /// The error of what no piece shows.
+    /// The error that no piece shows.
     unlisted: f64,
     queue: BinaryHeap<Piece>,
     integral: f64,
@@ -65,10 +65,10 @@ pub(super) struct Pieces {
     n_evaluations: usize,
 }
 
-/// Cuts after which more work is asked for: about a millisecond of them.
+/// The number of cuts after which `go_on` is called: about a millisecond of them.
 const CUTS_AT_ONCE: u32 = 64;
 
-/// Sums of errors that have shrunk to this part are summed anew: squares shrink to 1e-6, and keep ten digits.
+/// The part to which sums of errors have shrunk when they are summed anew: squares shrink to 1e-6, and keep ten digits.
 const SHRUNK: f64 = 1e-3;
 
 /// The errors of pieces together.
@@ -84,15 +84,15 @@ impl Errors {
         self.squares += error * error;
     }
 
-    /// Takes an error out. Rounding is that of the largest sums that there have been: [`SHRUNK`] tells when to sum anew.
+    /// Removes an error. Rounding is that of the largest sums so far: [`SHRUNK`] decides when to sum anew.
     fn remove(&mut self, error: f64) {
         self.sum -= error;
         self.squares -= error * error;
     }
 
-    /// Returns the error of the sum: of few pieces the sum of their errors, of many twice the root of the sum of squares.
+    /// Returns the error of the sum: for few pieces the sum of their errors, for many twice the root of the sum of squares.
     ///
-    /// Errors of pieces have signs that do not depend on each other. Where each is below half of its estimate, their sum is beyond this in 0.7 of 1,000 cases at most (Hoeffding's inequality).
+    /// The signs of errors are independent between pieces. Where each is below half of its estimate, their sum is beyond this in at most 0.7 of 1,000 cases (Hoeffding's inequality).
     fn together(self) -> f64 {
         self.sum.min(2.0 * self.squares.max(0.0).sqrt())
     }
@@ -107,7 +107,7 @@ impl FromIterator<f64> for Errors {
 }
 
 impl Pieces {
-    /// Sums the smaller of the two parts; `enough` is the error allowed, by area of the receiver, and `unlisted` the error of what no look shows.
+    /// Sums the smaller of the two parts; `enough` is the error allowed, by area of the receiver, and `unlisted` the error that no look shows.
     pub(super) fn new(sight: Sight, whole: Whole, looks: &[Look], enough: f64, unlisted: f64) -> Self {
         let sum = |part: usize| looks.iter().map(|look| look.estimate.integral[part]).sum::<f64>();
         let base = if sight.is_loose || sum(VISIBLE) < sum(HIDDEN) {
@@ -135,7 +135,7 @@ impl Pieces {
         self.n_evaluations
     }
 
-    /// Counts evaluations that have led to nothing.
+    /// Counts evaluations without a result.
     pub(super) fn spent(mut self, n_evaluations: usize) -> Self {
         self.n_evaluations += n_evaluations;
         self
@@ -149,7 +149,7 @@ impl Pieces {
     /// Cuts pieces in two, the one with the greatest error first.
     pub(super) fn refine(&mut self, goal: f64, budget: usize, go_on: &dyn Fn() -> bool) -> bool {
         let n_before = self.n_evaluations;
-        // Below the errors that no look takes away, nothing is gained by more.
+        // Below the errors that no cut reduces, more cuts gain nothing.
         let least = 0.1 * self.exchange_area(self.integral, 0.0).error;
         let mut summed = self.errors.sum;
         let mut n_cuts: u32 = 0;
@@ -175,7 +175,7 @@ impl Pieces {
                 self.n_evaluations += look.estimate.n_evaluations;
                 Piece::new(&self.sight, &look, self.base, self.enough)
             });
-            // Where the estimate has just been seen to fail, its successors are not trusted either.
+            // Where the estimate has just been seen to fail, those of the parts are not trusted either.
             let change = parts.iter().map(|part| part.integral).sum::<f64>() - worst.integral;
             let excess = change.abs() / worst.error;
             self.integral += change;
@@ -190,7 +190,7 @@ impl Pieces {
         self.n_evaluations > n_before
     }
 
-    /// Returns the exchange area of a sum of all pieces, between 0 and that without occluders.
+    /// Returns the exchange area from a sum of all pieces, between 0 and that without occluders.
     fn exchange_area(&self, integral: f64, error: f64) -> Whole {
         let (area, error) = if self.base == HIDDEN {
             (self.whole.area - integral, error + self.unlisted + self.whole.error)
@@ -220,7 +220,7 @@ impl Pieces {
     }
 }
 
-/// Sums the smaller part of triangles between which no discontinuity line was looked for: `unseen` is what a shadow between all points may hide, m².
+/// Sums the smaller part of triangles without discontinuity lines between them: `unseen` is the area that a shadow between all points may hide, m².
 pub(super) fn sum_uncut(looks: impl Iterator<Item = Look>, whole: Whole, unseen: f64) -> Partial {
     let (mut integrals, mut errors, mut n_evaluations) = ([0.0; 2], [Errors::default(); 2], 0);
     for look in looks {

@@ -38,7 +38,7 @@ impl Plate {
         }
     }
 
-    /// From a point of the plane: far from the origin n · x has fewer digits than a difference of points.
+    /// Returns the height of a point, measured from a point of the plane: far from the origin n · x has fewer digits than a difference of points.
     pub(super) fn height(&self, point: DVec3) -> f64 {
         self.normal.dot(point - self.corners[0])
     }

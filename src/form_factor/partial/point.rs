@@ -9,8 +9,8 @@ use crate::geometry::clip::clip_to_half_space;
 
 /// A convex polygon as the points of a flat convex region see it behind occluders.
 ///
-/// F(x → visible part of Q): Q is cut at the region's horizon and clipped against the shadow of every occluder as seen from x; the pieces that are left are
-/// summed by Lambert's formula. Accuracy: an absolute error of some 1e-15; what is left of Q within 1e-15 of the distances involved may count as hidden.
+/// F(x → visible part of Q): Q is cut at the region's horizon and clipped against the shadow of every occluder as seen from x; the remaining pieces are
+/// summed by Lambert's formula. Accuracy: an absolute error of some 1e-15; a remainder of Q within 1e-15 of the distances involved may count as hidden.
 /// Source: [`LAMBERT_1760`](crate::references::LAMBERT_1760). Departures: the clipping.
 pub struct VisibleFactor {
     shadows: Option<Shadows>,

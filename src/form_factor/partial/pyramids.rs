@@ -2,11 +2,13 @@
 
 use glam::{DVec2, DVec3};
 
-/// Widths of the six pyramids, and the place of a cut in a cell: numbers that no scene has, so that no edge lies in the side of a cell.
+/// The widths of the six pyramids, and the position of a cut in a cell.
+///
+/// These numbers occur in no scene, so that no edge lies in the side of a cell.
 const WIDTHS: DVec3 = DVec3::new(1.0, 1.043_728_173, 0.971_346_289);
 const CUT: f64 = 0.487_153_926;
 
-/// Edges within this part of the size of a polygon of the side of a cell were made by it.
+/// The part of a polygon's size within which its edges count as made by a side of a cell.
 pub(super) const ON_SIDE: f64 = 1e-14;
 
 /// The extent of a polygon in a cell.
@@ -89,7 +91,7 @@ impl Cell {
             near: f64::INFINITY,
             far: f64::NEG_INFINITY,
         };
-        // Not f64::min and f64::max, which take care of NaN.
+        // Without f64::min and f64::max, which spend time on NaN.
         let (less, more) = (|a, b| if b < a { b } else { a }, |a, b| if b > a { b } else { a });
         for &v in corners {
             let z = self.axis.dot(v);
@@ -110,7 +112,7 @@ impl Extent {
         self.low.cmple(cell.low + rounding).all() && self.high.cmpge(cell.high - rounding).all()
     }
 
-    /// Returns whether something of this extent may hide a part of something of another.
+    /// Returns whether a polygon of this extent may hide a part of a polygon of another.
     pub(super) fn may_hide(&self, other: &Self) -> bool {
         self.near < other.far && self.low.cmplt(other.high).all() && other.low.cmplt(self.high).all()
     }

@@ -7,7 +7,7 @@ use super::rule::{Estimate, INSET, Parts, SAFETY};
 /// The number of evaluations that one quadrilateral takes.
 pub(super) const N_POINTS: usize = 9;
 
-/// How far from the middle of a side the outer points lie, as a part of the half side: a thousandth within the border, where a view may be degenerate.
+/// The distance of the outer points from the middle of a side, as a part of the half side: a thousandth within the border, where a view may be degenerate.
 const REACH: f64 = 1.0 - INSET;
 
 /// The weight of an outer point on a line, of a sum of 1: the second moment is exact.
@@ -19,8 +19,8 @@ const MIDDLE: f64 = 1.0 - 2.0 * OUTER;
 /// Integrates f over a convex quadrilateral by Simpson's rule along both axes.
 ///
 /// With c_mn the coefficients of f times the element of area in discrete orthonormal polynomials u^m v^n on the points, the error is taken as 3/2 area (‖c₂₀, c₁₁, c₀₂‖ + ‖c₂₁, c₁₂‖ + |c₂₂|):
-/// what the rule integrates exactly where f is smooth. A kink along an axis changes the integral by less, wherever it lies, and a jump by at most √2 times as much.
-/// A detail wholly between points leaves no trace: for functions whose kinks are sides of the quadrilateral.
+/// the parts that the rule integrates exactly where f is smooth. A kink along an axis changes the integral by less, wherever it lies, and a jump by at most √2 times as much.
+/// A detail wholly between points leaves no trace: the rule is for functions whose kinks are sides of the quadrilateral.
 pub(super) fn integrate([a, b, c, d]: [DVec2; 4], mut f: impl FnMut(DVec2) -> Parts) -> Estimate {
     let places = [-REACH, 0.0, REACH].map(|u| 0.5 + 0.5 * u);
     let nodes: [(DVec2, f64); N_POINTS] = std::array::from_fn(|k| {

@@ -15,64 +15,70 @@ use crate::visibility::occluders::Occluder;
 /// Independent scrambles, whose spread is the error.
 const SCRAMBLES: usize = 16;
 
-/// Of each, the rays at first; they are doubled until the error is small enough.
+/// The first number of rays of each scramble; it is doubled until the error is small enough.
 const FIRST: usize = 2;
 
-/// The error in standard errors of the mean: of Student's distribution with 15 degrees of freedom, 999 in 1,000 are within 4.07; a stop at a spread that is small by chance asks for more.
+/// The error in standard errors of the mean.
+///
+/// Of Student's distribution with 15 degrees of freedom, 999 in 1,000 are within 4.07; a stop at a spread that is small by chance needs a margin.
 const SPREADS: f64 = 4.5;
 
-/// The number of rays that may have missed something, where some were stopped and others not.
+/// The number of rays that may have missed an occluder, where some were stopped and others passed.
 const MISSED: f64 = 3.0;
 
-/// The same where all were, or none: of what 8 in n rays would meet, n rays meet nothing in three of 10,000 cases.
+/// The same where all were stopped, or none: in three of 10,000 cases, n rays all miss a part that 8 in n would meet.
 const MISSED_BY_ALL: f64 = 8.0;
 
-/// Nearer than this, in radii of the target, directions are drawn and not places: the kernel has a peak there.
+/// The distance, in radii of the target, below which directions are drawn instead of points: the kernel has a peak there.
 const NEAR: f64 = 2.0;
 
-/// Solid angles below this, in sr, are too small to draw directions in.
+/// The solid angle in sr below which no directions are drawn.
 const SMALL: f64 = 1e-3;
 
-/// Fewer occluders than this that are no sides of solids are clipped, unless solids stand there too.
+/// The fewest occluders apart from sides of solids for rays; fewer are clipped, unless there are solids too.
 const MIN_LOOSE: usize = 3;
 
-/// The same of all that stands between.
+/// The same for all occluders.
 const MIN_ALL: usize = 5;
 
-/// The share of the allowed error for rays: clipping is mostly far better than it states, rays are not, and rows have many of them.
+/// The share of the allowed error for rays: the true errors of clipping are mostly far smaller than stated, those of rays are not, and rows have many of them.
 const SHARE: f64 = 0.3;
 
-/// Clipping has to cost so many times more: its true errors are mostly far smaller, and rows gain from that.
+/// How many times more clipping has to cost: its true errors are mostly far smaller, and rows gain from that.
 const GAIN: f64 = 4.0;
 
-/// Time of a ray, and of an occluder that it looks at, in evaluations of the inner factor with one occluder.
+/// The time of a ray, and of an occluder that it tests, in evaluations of the inner factor with one occluder.
 const RAY: f64 = 0.5;
 const LOOK: f64 = 0.02;
 
-/// Evaluations that clipping takes for each occluder, for the square of what loose ones have more corners than a connected surface would, and what each evaluation takes more for the square of the number of occluders.
+/// The cost of clipping: evaluations for each occluder, evaluations by loose corners, and the growth of each evaluation.
+///
+/// The second is for the square of the number of corners that loose occluders have beyond those of a connected surface, the third for the square of the number of occluders.
 const CLIPS: f64 = 30.0;
 const CROSSINGS: f64 = 10.0;
 const SQUARE: f64 = 0.03;
 
-/// Returns the most rays that a pair is worth, or `None` if clipping it is going to take less than rays.
+/// Returns the most rays that a pair is worth, or `None` if clipping takes less time than rays.
 ///
-/// A ray looks at `n_sides` polygons of `n_occluders`, of which those that are no sides of solids have `n_corners`; `ratio` is the exchange area without occluders in units of the error allowed. The error of n scrambled rays falls as n^(−5/8), as they
-/// are stopped or not: between n^(−1/2) of independent ones and n^(−3/4) of the best there are for regions of four dimensions.
+/// A ray tests `n_sides` polygons of `n_occluders`, of which those that are no sides of solids have `n_corners`; `ratio` is the exchange area without occluders in units of the error allowed.
+/// The error of n scrambled rays falls as n^(−5/8), as each is stopped or passes: between n^(−1/2) of independent rays and n^(−3/4) of the best for regions of four dimensions.
 fn worth(n_occluders: usize, n_sides: usize, n_corners: usize, ratio: f64) -> Option<f64> {
     let [occluders, sides, corners] = [n_occluders, n_sides, n_corners].map(|n| n as f64);
     let expected = (SCRAMBLES * FIRST) as f64 + (0.5 * SPREADS * ratio).powf(1.6);
     let of_ray = RAY + LOOK * sides;
     let n_clips = CLIPS * occluders + CROSSINGS * (corners - occluders).max(0.0).powi(2);
     let of_clips = n_clips * (1.0 + SQUARE * occluders * occluders);
-    // Rays that were in vain take as long as clipping, at most.
+    // Rays in vain take as long as clipping, at most.
     (GAIN * expected * of_ray < of_clips).then_some(of_clips / of_ray)
 }
 
-/// Returns the exchange area of two polygons with occluders between them to within `goal`, m², by rays; `None` where clipping takes less, or rays turn out to take more than expected.
-/// `count` is the number of occluders, of solids no more than three sides; `whole` is the exchange area without them.
+/// Returns the exchange area of two polygons with occluders between them to within `goal`, m², by rays.
 ///
-/// A F = whole − ∫∫ K (1 − V) dA dA, by scrambled Sobol points on one polygon and on the other, or in the solid angle of the other where that is near; what the unoccluded kernel K misses of `whole` on the same rays
-/// is taken out in proportion. Sixteen independent scrambles: the error is 4.5 standard errors of their mean, and what all rays may have missed. Equal arguments give equal bits.
+/// `None` where clipping takes less time, or rays turn out to take more than expected.
+/// `count` is the number of occluders, at most three sides for each solid; `whole` is the exchange area without them.
+///
+/// A F = whole − ∫∫ K (1 − V) dA dA, by scrambled Sobol points on one polygon and on the other, or in the solid angle of the other where that is near; the part of `whole` that the unoccluded kernel K misses on the same rays
+/// is corrected in proportion. Sixteen independent scrambles: the error is 4.5 standard errors of their mean, and the part that all rays may have missed. Equal arguments give equal bits.
 /// Source: [`OWEN_1997`](crate::references::OWEN_1997) for the points; directions by J. Arvo, "Stratified Sampling of Spherical Triangles", SIGGRAPH 1995. Departures: none.
 pub(in crate::form_factor) fn by_rays(
     sides: [&[DVec3]; 2],
@@ -91,22 +97,26 @@ pub(in crate::form_factor) fn by_rays(
     let between = Between::new(sides, occluders)?;
     let mut streams = between.streams();
     let (mut n, mut sums) = (FIRST, [[0.0; 3]; SCRAMBLES]);
-    let (mut last, mut n_done, mut n_stopped) = (0, 0, 0);
+    let (mut last, mut n_done, mut n_seeing, mut n_stopped) = (0, 0, 0, 0);
     loop {
         for (stream, [all, hidden, squared]) in streams.iter_mut().zip(&mut sums) {
             for _ in n_done..n {
                 let (weight, ends) = between.ray(stream.next_point());
                 *all += weight;
                 *squared += weight * weight;
-                if weight > 0.0 && between.is_stopped(ends, &mut last) {
-                    *hidden += weight;
-                    n_stopped += 1;
+                if weight > 0.0 {
+                    n_seeing += 1;
+                    if between.is_stopped(ends, &mut last) {
+                        *hidden += weight;
+                        n_stopped += 1;
+                    }
                 }
             }
         }
         n_done = n;
         let n_rays = n * SCRAMBLES;
-        let found = estimate(&sums, n, n_stopped, whole);
+        let are_alike = n_stopped == 0 || n_stopped == n_seeing;
+        let found = estimate(&sums, n, are_alike, whole);
         if found.error <= enough {
             return Some(Partial {
                 exchange_area: found.area,
@@ -123,7 +133,7 @@ pub(in crate::form_factor) fn by_rays(
     }
 }
 
-/// Returns the number of places in which some polygons have corners.
+/// Returns the number of distinct corners of some polygons.
 fn n_corners<'a>(polygons: impl Iterator<Item = &'a Occluder<'a>>) -> usize {
     let corners = polygons.flat_map(|polygon| polygon.corners.iter());
     let mut places: Vec<[u64; 3]> = corners.map(|v| v.to_array().map(|x| (x + 0.0).to_bits())).collect();
@@ -132,10 +142,11 @@ fn n_corners<'a>(polygons: impl Iterator<Item = &'a Occluder<'a>>) -> usize {
     places.len()
 }
 
-/// Returns what `n` rays of each scramble tell: of the kernel on them, all and what was stopped, and the squares of all, summed.
+/// Returns the estimate from `n` rays of each scramble; the sums are of the kernel on all rays, on the stopped ones, and of its squares on all. `are_alike` is true if all rays of positive weight are stopped, or none.
 ///
-/// The error of the kernel on the rays, of the rays that missed, or of the visible or hidden part. Where it differs from ray to ray, they are as good as fewer.
-fn estimate(sums: &[[f64; 3]; SCRAMBLES], n: usize, n_stopped: usize, whole: Whole) -> Whole {
+/// The error sums the spread of the scrambles, the part that the rays may have missed, and the error of the kernel on the rays; it is at most the visible or the hidden part, whichever is more.
+/// Where the kernel differs from ray to ray, the rays count as fewer.
+fn estimate(sums: &[[f64; 3]; SCRAMBLES], n: usize, are_alike: bool, whole: Whole) -> Whole {
     let count = SCRAMBLES as f64;
     let [all, hidden, squared] = [0, 1, 2].map(|k| sums.iter().map(|sum| sum[k]).sum::<f64>());
     let share = if all > 0.0 { hidden / all } else { 0.0 };
@@ -143,11 +154,7 @@ fn estimate(sums: &[[f64; 3]; SCRAMBLES], n: usize, n_stopped: usize, whole: Who
     let mean = of_scramble.iter().sum::<f64>() / count;
     let variance = of_scramble.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0);
     let n_rays = n * SCRAMBLES;
-    let missed = if n_stopped == 0 || n_stopped == n_rays {
-        MISSED_BY_ALL
-    } else {
-        MISSED
-    };
+    let missed = if are_alike { MISSED_BY_ALL } else { MISSED };
     let area = (whole.area - mean).clamp(0.0, whole.area);
     let off = (all / n_rays as f64 - whole.area).abs() * share.max(1.0 - share);
     let unseen = if squared > 0.0 {
@@ -204,7 +211,7 @@ impl Fan {
     }
 }
 
-/// Returns which part of \[0, 1\] a number is in, the parts given by their ends, and where in that part it is, from 0 to 1.
+/// Returns the part of \[0, 1\] that a number is in, the parts given by their ends, and its position in that part, from 0 to 1.
 fn part_of(u: f64, ends: &[f64]) -> (usize, f64) {
     let k = ends.partition_point(|&end| end <= u).min(ends.len() - 1);
     let begin = if k == 0 { 0.0 } else { ends[k - 1] };
@@ -214,14 +221,14 @@ fn part_of(u: f64, ends: &[f64]) -> (usize, f64) {
 /// A convex occluder, as a ray meets it.
 struct Screen {
     plane: Flat,
-    /// Heights up to these count as in the plane: of the ends of rays on either polygon.
+    /// The heights up to which the ends of rays on either polygon count as in the plane.
     tolerances: [f64; 2],
     one_sided: bool,
     /// The corners, each with a vector that points inwards from the edge that begins there.
     edges: Vec<(DVec3, DVec3)>,
 }
 
-/// Two polygons and what stands between them.
+/// Two polygons and their occluders.
 struct Between {
     from: Fan,
     to: Fan,
@@ -231,7 +238,7 @@ struct Between {
 }
 
 impl Between {
-    /// Rays begin on the smaller polygon. `None` where nothing of the two faces each other.
+    /// Prepares rays, which begin on the smaller polygon; `None` where the two do not face each other.
     fn new([p, q]: [&[DVec3]; 2], occluders: &[Occluder<'_>]) -> Option<Self> {
         let [area_p, area_q] = [p, q].map(polygon::area_vector);
         let mut sides = [
@@ -288,7 +295,7 @@ impl Between {
         std::array::from_fn(|k| PointStream::new(Sequence::Sobol, self.seed, k as u64))
     }
 
-    /// Returns the ends of a ray, and what the kernel without occluders is there, m², over the density of such rays.
+    /// Returns the ends of a ray, and the kernel without occluders there, m², over the density of such rays.
     fn ray(&self, [u, v, s, t]: [f64; 4]) -> (f64, [DVec3; 2]) {
         let x = self.from.point(u, v);
         if self.is_near {
@@ -324,14 +331,14 @@ impl Between {
         (if weight.is_finite() { weight } else { 0.0 }, [x, y])
     }
 
-    /// Returns whether an occluder stops a ray; the one that stopped the `last` is looked at first.
+    /// Returns whether an occluder stops a ray; the one that stopped the `last` is tested first.
     fn is_stopped(&self, [x, y]: [DVec3; 2], last: &mut usize) -> bool {
         let stops = |screen: &Screen| {
             let (h_x, h_y) = (screen.plane.height(x), screen.plane.height(y));
             let [t_x, t_y] = screen.tolerances;
             let from_front = h_x > t_x && h_y < -t_y;
             let from_back = h_x < -t_x && h_y > t_y;
-            // Rays have no sense: what leaves a solid has entered it.
+            // A ray has no direction here: if it leaves a solid, it has entered it.
             if !(from_front || from_back && !screen.one_sided) {
                 return false;
             }
@@ -413,7 +420,7 @@ mod tests {
             DVec3::new(-0.3, -0.4, 2.0),
         ];
         let all = SolidAngle::of(&triangle, DVec3::ZERO);
-        // Of the directions, as many lie in a part as it has of the solid angle.
+        // Of the directions, each part holds its share of the solid angle.
         let middle = triangle[1].midpoint(triangle[2]);
         let part = SolidAngle::of(&[triangle[0], triangle[1], middle], DVec3::ZERO);
         let edge = triangle[0].cross(middle);
@@ -465,7 +472,7 @@ mod tests {
                 };
                 let exact = exchange_area(&floor, target, &occluders, accuracy);
                 for goal in [1.0, 0.1].map(|share| share * whole.area) {
-                    // As many as it takes for rays to be worth it.
+                    // Enough occluders for rays to be worth it.
                     let by = |p: &[DVec3], q: &[DVec3]| by_rays([p, q], &occluders, 40, goal, whole);
                     let found = by(&floor, target).expect("enough rays");
                     assert_eq!(Some(found), by(target, &floor));

@@ -37,7 +37,7 @@ impl Receiver {
         self.origin + self.offset(p)
     }
 
-    /// Returns where a point of the plane lies, seen from the frame's origin.
+    /// Returns the offset of a point of the plane from the frame's origin.
     pub(super) fn offset(&self, p: DVec2) -> DVec3 {
         self.x * p.x + self.y * p.y
     }

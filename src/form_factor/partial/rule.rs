@@ -1,20 +1,20 @@
-//! A triangle rule of degree 8 that looks at how fast the degrees of its integrand fall, and so at its own error.
+//! A triangle rule of degree 8 that estimates its own error from the decay of its integrand's polynomial degrees.
 
 use std::sync::LazyLock;
 
 use glam::DVec2;
 
-/// The two parts of a function that are integrated from the same points: of the form factor, what is visible and what is hidden.
+/// The two parts of a function that are integrated from the same points: the visible and the hidden part of the form factor.
 pub(super) type Parts = [f64; 2];
 
-/// The integrals over one cell and what their errors may be.
+/// The integrals over one cell and their estimated errors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Estimate {
-    /// The integral of each part, in units of f times m²; NaN of one that was not looked at, and so is its error.
+    /// The integral of each part, in units of f times m²; NaN, as the error, for a part that was not evaluated.
     pub(super) integral: Parts,
     /// The estimates of their absolute errors.
     pub(super) error: Parts,
-    /// The number of points that f was looked at.
+    /// The number of points at which f was evaluated.
     pub(super) n_evaluations: usize,
 }
 
@@ -48,7 +48,7 @@ impl Estimate {
         }
     }
 
-    /// Counts the points on the border, and what they show of a part that is 0 on all others.
+    /// Counts the points on the border, and their values of a part that is 0 on all others.
     fn with_border(mut self, border: &[Parts; N_BORDER], area: f64) -> Self {
         self.n_evaluations += N_BORDER;
         for part in 0..2 {
@@ -72,7 +72,7 @@ const N_POINTS: usize = 19;
 /// The most evaluations that one triangle takes.
 pub(super) const MAX_EVALUATIONS: usize = N_POINTS + N_BORDER;
 
-/// The number of those that a rule of degree 5 is made of.
+/// The number of those points that make a rule of degree 5.
 const N_FIRST: usize = 7;
 
 /// The points that permutations of the barycentric coordinates (a, b, 1 − a − b) make, and the sum of their weights.
@@ -119,7 +119,9 @@ const ORBITS: [Orbit; 5] = [
 /// The sums of the weights in Radon's rule of degree 5: the centroid, then the first two orbits, (155 ∓ √15)/400.
 const FIRST_WEIGHTS: [f64; 3] = [0.225, 0.377_817_541_634_481_5, 0.397_182_458_365_518_5];
 
-/// The factor from the parts of a loose rule's spectrum to its error: a jump between two of its points may be off by √2 times the part of degree two that it leaves.
+/// The factor from the parts of a loose rule's spectrum to its error.
+///
+/// A jump between two of its points may be off by √2 times the part of degree two that it leaves.
 pub(super) const SAFETY: f64 = 1.5;
 
 /// Points a thousandth within the corners of the triangle and the middles of its sides, in the second and the third barycentric coordinate: beyond all points of the rule.
@@ -140,12 +142,12 @@ pub(super) const fn border(inset: f64) -> [[f64; 2]; N_BORDER] {
     ]
 }
 
-/// How far within the border a point on it lies, as a part of the height.
+/// The distance of a border point from the border, as a part of the height.
 pub(super) const INSET: f64 = 1e-3;
 
 pub(super) const N_BORDER: usize = 6;
 
-/// How far, in units of the parts beyond it, a smooth function may be from its polynomial on the border.
+/// The greatest distance of a smooth function from its polynomial on the border, in units of the parts beyond it.
 ///
 /// The polynomials of degree d are (d + 1)^{3/2} in norm at a corner: 14.7 for degree 5, 8 for degree 3.
 const SMOOTH_ON_BORDER: f64 = 20.0;
@@ -158,8 +160,8 @@ const N_LOOSE: usize = 1 + N_BORDER;
 
 /// Returns the sums of the weights of the corners and of the middles of the sides with which they and the centroid integrate degree 3.
 ///
-/// About the centroid the middle of a side is −1/2 of the opposite corner. The moments of degree 2 and 3 ask for c + s/4 = 1/4 and c − s/8 = 1/10
-/// on the border itself; r² and r³ tell how far within it the points lie.
+/// About the centroid the middle of a side is −1/2 of the opposite corner. The moments of degree 2 and 3 require c + s/4 = 1/4 and c − s/8 = 1/10
+/// on the border itself; r² and r³ account for the distance of the points from it.
 fn loose_weights() -> (f64, f64) {
     let r = 1.0 - INSET;
     let (second, third) = (0.25 / (r * r), 0.1 / (r * r * r));
@@ -173,9 +175,9 @@ struct Nodes<const N: usize> {
     points: [[f64; 2]; N],
     /// The weights; 1 in sum.
     weights: [f64; N],
-    /// The weights times the polynomials of some degree, of the next, and of all that is beyond: Σ_k f(k) row(k) is a coefficient of f.
+    /// The weights times the polynomials of some degree, of the next, and of all higher ones: Σ_k f(k) row(k) is a coefficient of f.
     spectrum: [Vec<[f64; N]>; 3],
-    /// Σ_k f(k) row(k) is the value on a point of the border of the polynomial through f, up to the degree before what is beyond.
+    /// Σ_k f(k) row(k) is the value on a point of the border of the polynomial through f, up to the degree before the higher ones.
     border: [[f64; N]; N_BORDER],
 }
 
@@ -281,7 +283,7 @@ impl<const N: usize> Nodes<N> {
         }
     }
 
-    /// Returns how far `border`, the values there, is from the polynomial through `values`, the most.
+    /// Returns the greatest distance of `border`, the values there, from the polynomial through `values`.
     fn miss(&self, values: &[f64; N], border: &[f64; N_BORDER]) -> f64 {
         let expected = |row: &[f64; N]| row.iter().zip(values).map(|(x, y)| x * y).sum::<f64>();
         let misses = border
@@ -302,19 +304,19 @@ impl<const N: usize> Nodes<N> {
 /// Integrates f over a triangle; `enough` is an error per area that is good enough.
 ///
 /// The values on the points are resolved into discrete orthonormal polynomials. With e₃, e₄ the norms of the parts of degree 3 and 4, and e₅ that of
-/// all beyond, r = max(e₄/e₃, e₅/e₄) tells how fast the degrees fall, and the error of degree 8 is taken as area · e₅ · min(1, max((4r)⁴, 1/100)): where
-/// the function is smooth, the degrees 9 and up that it is made of are about e₅ r⁴; where it is not, e₅ bounds it in all but
+/// all higher ones, r = max(e₄/e₃, e₅/e₄) is the decay of the degrees, and the error of degree 8 is taken as area · e₅ · min(1, max((4r)⁴, 1/100)): where
+/// the function is smooth, its degrees 9 and up are about e₅ r⁴; where it is not, e₅ bounds them in all but
 /// few cases. Rounding adds 4 ulps of the largest value. Each norm is over several coefficients, so that none is small by accident.
 /// The approach is that of null rules (J. Berntsen and T. O. Espelid, "Error estimation in automatic quadrature routines", ACM TOMS 17(2), 1991), with
 /// constants found by measurement on occluded form factors.
 ///
-/// A kink in a strip along the border, beyond all points, leaves no trace in the spectrum. The function is therefore also looked at just within the corners
+/// A kink in a strip along the border, beyond all points, leaves no trace in the spectrum. The function is therefore also evaluated just within the corners
 /// and the middles of the sides; where it is farther from its polynomial of the degrees below e₅ than 20 e₅, more than a smooth function can be, a fifth of the excess is added.
 ///
-/// Seven of the points are Radon's rule of degree 5, looked at first. Its error is taken as area · (e₂ + e₃), the parts that it integrates exactly where the function is
-/// smooth: seven points see too little of the spectrum to tell smooth functions from others.
+/// Seven of the points are Radon's rule of degree 5, evaluated first. Its error is taken as area · (e₂ + e₃), the parts that it integrates exactly where the function is
+/// smooth: seven points see too little of the spectrum to separate smooth functions from others.
 ///
-/// Both parts of f are integrated; the seven points are enough where they are for one of the two. Without `may_bend` f is analytic in the triangle and for its size around: it has no kink, and is not looked at near the border.
+/// Both parts of f are integrated; the seven points are enough if they are for one of the two. Without `may_bend` f is analytic in the triangle and within its size around: it has no kink, and is not evaluated near the border.
 pub(super) fn integrate(
     corners: [DVec2; 3],
     enough: f64,

@@ -14,13 +14,15 @@ use super::flat::Flat;
 use super::receiver::Receiver;
 use super::rule::Parts;
 
-/// A point counts as in a caster's plane up to this share of its distance: the caster is seen edge on.
+/// The share of its distance up to which a point counts as in a caster's plane: the caster is seen edge on.
 pub(super) const EDGE_ON: f64 = 1e-14;
 
-/// A target that is smaller seen from a point than this, in radii by distance squared, is summed about its own middle: the plain sum would lose more than two digits there.
+/// The size of a target, in radii by distance squared, below which it is summed about its own middle.
+///
+/// The plain sum would lose more than two digits there.
 const SMALL: f64 = 1e-4;
 
-/// Sides of bodies are looked for among so many casters at most.
+/// The most casters among which sides of bodies are searched.
 const MAX_GROUPED: usize = 62;
 
 /// A convex planar occluder.
@@ -28,13 +30,13 @@ const MAX_GROUPED: usize = 62;
 struct Caster {
     edges: Vec<Side>,
     plane: Flat,
-    /// Below this height over the plane a point of the receiver may count as in it.
+    /// The height over the plane below which a point of the receiver may count as in it.
     least_height: f64,
     /// From the caster to the middle of the target.
     to_target: DVec3,
     /// Where the target lies: wholly in front of the caster's plane, wholly behind, or on both sides.
     target: Place,
-    /// True if only a point in front of the caster needs to look at it.
+    /// True if only a point in front of the caster needs to test it.
     one_sided: bool,
     /// The bit of the body that it is a part of.
     body: u64,
@@ -64,7 +66,7 @@ struct Side {
 pub(super) struct HalfSpace {
     pub(super) normal: DVec3,
     pub(super) offset: f64,
-    /// Values up to this count as on the plane: so much, and so much for each metre of r.
+    /// The values up to which a point counts as on the plane: a constant, and one for each metre of r.
     pub(super) slack: [f64; 2],
 }
 
@@ -76,13 +78,13 @@ impl HalfSpace {
 
 /// A target and the casters in front of it; buffers included, so that evaluations allocate nothing.
 pub(super) struct Shadows {
-    /// From its middle: what is small and far off keeps its digits.
+    /// From its middle: small and distant targets keep their digits.
     target: Vec<DVec3>,
     middle: DVec3,
     /// The square of the distance of the farthest corner from the middle.
     radius_squared: f64,
     receiver_normal: DVec3,
-    /// Bodies first, then what hides most, so that little is left for the others to cut.
+    /// Bodies first, then the casters that hide most, so that little remains for the others to cut.
     bodies: Vec<(Silhouette, u64)>,
     casters: Vec<Caster>,
     fragments: Fragments,
@@ -213,17 +215,17 @@ impl Shadows {
 
     /// Returns the form factors from a point of the receiver to the visible and to the hidden part of the target.
     ///
-    /// A part is 0 only if there is nothing of it: of what rounding leaves nothing, there is the least positive number.
+    /// A part is 0 only if it is empty: where rounding leaves 0 of a part, it is the least positive number.
     pub(super) fn visible_and_hidden(&mut self, point: DVec3) -> Parts {
         self.look(point, true)
     }
 
-    /// Returns the form factor to the visible part alone, which takes less; that to the hidden part is NaN.
+    /// Returns the form factor to the visible part alone, which takes less time; that to the hidden part is NaN.
     pub(super) fn visible(&mut self, point: DVec3) -> Parts {
         self.look(point, false)
     }
 
-    /// Finds the bodies that casters are parts of: sides that lie on one convex body, seen from outside, whose edges never cross in a view.
+    /// Finds the bodies of casters: sides that lie on one convex body, seen from outside, whose edges never cross in a view.
     pub(super) fn find_bodies(&mut self) {
         let n_silhouettes = self.bodies.len();
         let mut bodies: Vec<Vec<usize>> = Vec::new();
@@ -331,7 +333,9 @@ impl Shadows {
         }
     }
 
-    /// Sets the half-spaces whose intersection is the space that body or caster `k`, bodies first, hides from the point, and returns the bit of the body; `None` if there is none.
+    /// Sets the half-spaces whose intersection is the region that an occluder hides from the point, and returns the bit of its body.
+    ///
+    /// Occluder `k` counts bodies first, then casters; `None` if the region is empty.
     fn prepare(&mut self, k: usize, point: DVec3) -> Option<u64> {
         let n_bodies = self.bodies.len();
         let (hides, body) = match self.bodies.get_mut(k) {
@@ -344,7 +348,7 @@ impl Shadows {
         hides.then_some(body)
     }
 
-    /// Sets the half-spaces whose intersection is the space that caster `k` hides from the point; false if there is none.
+    /// Sets the half-spaces whose intersection is the region that caster `k` hides from the point; false if it is empty.
     fn prepare_half_spaces(&mut self, k: usize, point: DVec3) -> bool {
         let caster = &self.casters[k];
         let height = caster.plane.height(point);
@@ -383,19 +387,21 @@ impl Shadows {
     }
 }
 
-/// Returns whether these are bits of several bodies; the last stands for all that have no bit of their own.
+/// Returns whether these are bits of several bodies; the last bit stands for all bodies without one of their own.
 fn are_several(bodies: u64) -> bool {
     bodies.count_ones() > 1 || bodies & (1 << 63) != 0
 }
 
-/// Returns whether a convex polygon lies outside of one of some half-spaces.
+/// Returns whether a convex polygon lies outside one of some half-spaces.
 fn is_outside(polygon: &[DVec3], half_spaces: &[HalfSpace]) -> bool {
     half_spaces
         .iter()
         .any(|half_space| polygon.iter().all(|&r| half_space.value(r) <= 0.0))
 }
 
-/// Adds to `out` the convex pieces of a convex fragment that lie outside of at least one half-space; returns false if that is all of it, and else leaves the other part in `rest`.
+/// Adds to `out` the convex pieces of a convex fragment that lie outside at least one half-space.
+///
+/// Returns false if that is all of it; otherwise `rest` is the other part.
 pub(super) fn subtract(
     fragment: &[DVec3],
     half_spaces: &[HalfSpace],
@@ -403,7 +409,7 @@ pub(super) fn subtract(
     rest: &mut Vec<DVec3>,
     piece: &mut Vec<DVec3>,
 ) -> bool {
-    // Not f64::max, which takes care of NaN.
+    // Without f64::max, which spends time on NaN.
     let longer = |reach: f64, r: &DVec3| {
         let length = r.abs().element_sum();
         if length > reach { length } else { reach }
@@ -444,7 +450,7 @@ pub(super) fn subtract(
     true
 }
 
-/// Splits a convex polygon: `inside` keeps what lies inside the half-space, the rest goes to `outside`.
+/// Splits a convex polygon: `inside` keeps the part inside the half-space, the other part goes to `outside`.
 fn split(inside: &mut Vec<DVec3>, half_space: &HalfSpace, outside: &mut Vec<DVec3>) {
     let n = inside.len();
     let mut a = inside[n - 1];

@@ -1,4 +1,4 @@
-//! The views of a target from the cells of a receiver: from which points a cell is looked at, and how well its integrals are known.
+//! The views of a target from the cells of a receiver: the points of each cell, and the errors of its integrals.
 
 use glam::{DVec2, DVec3};
 
@@ -20,28 +20,30 @@ use crate::visibility::occluders::Occluder;
 pub(super) const VISIBLE: usize = 0;
 pub(super) const HIDDEN: usize = 1;
 
-/// A cell is near the target up to so many of its radii from its middle: beyond, F₀ has no peak that the points of a rule could miss.
+/// The distance from the target, in radii of a cell, up to which the cell is near: beyond, F₀ has no peak that the points of a rule could miss.
 const NEAR: f64 = 3.0;
 
-/// The least part of the largest polygon's size that the others have where discontinuity lines are where they should be, but for some 1e-10 of a cell.
+/// The least part of the largest polygon's size that the others have where discontinuity lines are accurate to some 1e-10 of a cell.
 const ALIKE: f64 = 1e-6;
 
-/// How many times more than the largest share of F₀ on the points a part may have of what the points miss.
+/// The greatest share that a part may have of F₀ between the points, as a multiple of its largest share on the points.
 const MORE_THAN_SEEN: f64 = 4.0;
 
-/// A closed form costs as much as some evaluations: the other part is taken where its error is this many times smaller.
+/// The share of a part's error below which that of the other must be for the other to be used.
+///
+/// The closed form that this needs costs as much as some evaluations.
 const BETTER: f64 = 0.5;
 
 /// The fraction of a cell that a shadow may cover without touching a point of a rule.
 const BETWEEN_POINTS: f64 = 0.15;
 
-/// The same where the shadow is wider than the points are apart, and so only reaches in.
+/// The same where the shadow is wider than the distance of the points, and so only reaches in.
 const AT_A_SIDE: f64 = 0.03;
 
 /// The fraction of a cell beyond the points on its border.
 const BEYOND_POINTS: f64 = 1e-3;
 
-/// Edges up to this part of the receiver's size above it run in its plane.
+/// The part of the receiver's size up to which edges above it count as in its plane.
 const IN_PLANE: f64 = 1e-13;
 
 /// The visible part of a target from the points of its receiver.
@@ -53,20 +55,22 @@ pub(super) struct Sight {
     target_sides: Vec<(DVec3, f64)>,
     shadows: Shadows,
     low_edges: LowEdges,
-    /// Boxes around the occluders, seen from the origin of the receiver's frame; `None` where rounding may put discontinuity lines beside their places, as sizes differ too much.
+    /// Boxes around the occluders, seen from the origin of the receiver's frame.
+    ///
+    /// `None` where rounding may displace discontinuity lines, as sizes differ too much.
     boxes: Option<Vec<(DVec3, DVec3)>>,
-    /// The bodies whose discontinuity lines were not looked for.
+    /// The bodies whose discontinuity lines are not listed.
     pub(super) unlisted: Vec<Extent>,
-    /// True if no discontinuity line crosses a cell: what a point of it does not hide, none does.
+    /// True if no discontinuity line crosses a cell: a body that hides nothing from one of its points hides nothing from all of it.
     pub(super) is_whole: bool,
     /// True if all occluders are sides of one convex body.
     pub(super) is_one_body: bool,
-    /// True if hidden parts are looked at in cells near the target alone: elsewhere F₀ has no peak, and where the tolerance is loose what is visible is enough.
+    /// True if hidden parts are evaluated in cells near the target alone: elsewhere F₀ has no peak, and where the tolerance is loose the visible part is enough.
     pub(super) is_loose: bool,
 }
 
 impl Sight {
-    /// Prepares what `shadows` sees.
+    /// Prepares the view of `shadows`.
     pub(super) fn new(receiver: Receiver, target: &[DVec3], occluders: &[Occluder<'_>], shadows: Shadows) -> Self {
         let outer: Vec<DVec2> = receiver.corners.iter().map(|&v| receiver.to_plane(v)).collect();
         let outlines = occluders.iter().map(|b| &*b.corners).chain(std::iter::once(target));
@@ -122,9 +126,9 @@ impl Sight {
         self.shadows.find_bodies();
     }
 
-    /// Returns a cell with what is known of the views from it.
+    /// Returns a cell with the kind of views from it.
     ///
-    /// Views change on discontinuity lines, and on curves where the edges of three convex bodies cross, the target among them: beside these lines, each body alone hides something from all points or from none.
+    /// Views change on discontinuity lines, and on curves where the edges of three convex bodies cross, the target among them: away from these lines, each body alone hides something from all points or from none.
     pub(super) fn site(&mut self, shape: Shape) -> Site {
         let (middle, radius) = circle(shape);
         let reach = NEAR * radius;
@@ -173,7 +177,7 @@ impl Sight {
         self.boxes.as_ref().is_some_and(|boxes| boxes.iter().all(is_far))
     }
 
-    /// Returns the error that discontinuity lines leave which are missed by `margin`: its square, unless the view changes within as little.
+    /// Returns the error of discontinuity lines that are missed by `margin`: its square, unless the view changes within as little.
     pub(super) fn error_within(&self, margin: f64) -> f64 {
         if self.low_edges.lowest() > margin {
             return 0.0;
@@ -189,7 +193,7 @@ impl Sight {
         margin * perimeter
     }
 
-    /// Looks at a cell from the points of a rule.
+    /// Evaluates a cell at the points of a rule.
     pub(super) fn look(&mut self, site: Site, rule: impl FnOnce(&mut dyn FnMut(DVec2) -> Parts) -> Estimate) -> Look {
         let shape = site.shape;
         let mut shares = site.is_near.then_some([0.0; 2]);
@@ -228,7 +232,7 @@ impl Sight {
         }
     }
 
-    /// Returns the share of a cell in which a part may be something that is nothing at all points of a rule, as the shadows of bodies were not looked for.
+    /// Returns the share of a cell that a part may cover although it is 0 at all points of a rule, where the shadows of bodies are not listed.
     fn unseen(&self, part: usize, shape: Shape) -> f64 {
         let corners = shape.corners();
         let next = corners.iter().cycle().skip(1);
@@ -238,7 +242,7 @@ impl Sight {
             .map(|(a, b)| a.distance(*b))
             .fold(0.0, f64::max);
         if part == VISIBLE {
-            // A body hides all from a convex part of the receiver: from the hull of the points.
+            // A body hides all of the target from a convex part of the receiver, and so from the hull of the points.
             return if self.shadows.several_hide() {
                 BETWEEN_POINTS
             } else {
@@ -250,7 +254,7 @@ impl Sight {
         let widths = self.unlisted.iter().filter(reaches_in).map(|body| body.width);
         match widths.reduce(f64::min) {
             None => 0.0,
-            // A shadow is no narrower than what casts it, and convex: one that has a point of the rule on no side of it is in a corner or at a side.
+            // A shadow is convex, and no narrower than its caster: one that contains no point of the rule is in a corner or at a side.
             Some(width) if size <= 2.0 * width => AT_A_SIDE,
             Some(_) => BETWEEN_POINTS,
         }
@@ -265,7 +269,7 @@ impl Sight {
         self.with_some_error(look, enough)
     }
 
-    /// Looks at a cell in which the view is analytic.
+    /// Evaluates a cell in which the view is analytic.
     pub(super) fn look_at_analytic(&mut self, site: Site, enough: f64) -> Look {
         let look = self.look(site, |f| match site.shape {
             Shape::Triangle(corners) => rule::integrate(corners, enough, false, f),
@@ -304,10 +308,10 @@ impl Sight {
         Whole::between(&cell, &target, tolerance)
     }
 
-    /// Returns the integral over a cell of the part `base`, from whichever part is known better, and what its error may be; `base` is the part that is summed, `enough` the error allowed.
+    /// Returns the integral of the part `base`, which is summed, over a cell, from whichever part is known better, and its error; `enough` is the error allowed.
     ///
-    /// In a near cell the same points integrate F₀ too, whose integral is known: what they miss of that, or may miss of the other part, they can miss
-    /// of this one, as far as it has a share of F₀.
+    /// In a near cell the same points integrate F₀ too, whose integral is known: this part may miss as much as the points miss of F₀, or may miss of the other part,
+    /// in proportion to its share of F₀.
     pub(super) fn settle(&self, look: &Look, base: usize, enough: f64) -> [f64; 2] {
         let &Look {
             site: Site { shape, .. },
@@ -319,7 +323,7 @@ impl Sight {
         let is_other = estimate.error[base] > enough && estimate.error[other] < BETTER * estimate.error[base];
         let part = if is_other { other } else { base };
         let (mut integral, mut error) = (estimate.integral[part], estimate.error[part]);
-        // Past bodies whose lines are not listed, nothing is without an error unless it is proved.
+        // Past bodies whose lines are not listed, a part has no error only if that is proved.
         let knows_shape = self.is_whole || !self.unlisted.is_empty();
         let is_certain = integral.max(error) <= 0.0 && knows_shape;
         let shares = shares.filter(|_| !is_certain);
@@ -345,7 +349,7 @@ impl Sight {
     }
 }
 
-/// Returns the middle of a shape's corners, and how far the farthest is from there.
+/// Returns the middle of a shape's corners, and the greatest distance of one from it.
 fn circle(shape: Shape) -> (DVec2, f64) {
     let corners = shape.corners();
     let middle = corners.iter().sum::<DVec2>() / corners.len() as f64;
@@ -353,25 +357,25 @@ fn circle(shape: Shape) -> (DVec2, f64) {
     (middle, radius)
 }
 
-/// The functions that the form factors from the points of a cell are.
+/// The kind of function that the form factors from the points of a cell are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Views {
-    /// One body at most hides anything, and none of the edges that the view is made of is near: these are where it is singular.
+    /// At most one body hides anything, and the edges that the view is made of, where it is singular, are not near.
     Analytic,
-    /// One body at most hides anything, so that no edges cross.
+    /// At most one body hides anything, so that no edges cross.
     OfOneBody,
-    /// Several bodies may hide something, or it is not known that no discontinuity line crosses the cell.
+    /// Several bodies may hide something, or a discontinuity line may cross the cell.
     Any,
 }
 
-/// A cell and what is known of the views from it.
+/// A cell with the kind of views from it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Site {
     pub(super) shape: Shape,
     /// True if the target is near, so that F₀ may have a peak between the points of a rule.
     is_near: bool,
     pub(super) views: Views,
-    /// True if three edges of different polygons may open or close something between the points, as the tolerance is loose and these are few.
+    /// True if three edges of different polygons may open or close a view between the points, as the tolerance is loose and the points are few.
     may_open: bool,
 }
 
@@ -393,7 +397,7 @@ impl Look {
         self.with_least_error(least)
     }
 
-    /// States at least this error of a part, but for one of which there is nothing: something of it needs a discontinuity line, or edges that open it between points.
+    /// States at least this error of a part that is not 0, and of a visible part that edges may open between points.
     pub(super) fn with_least_error(mut self, least: f64) -> Self {
         let Estimate { integral, error, .. } = &mut self.estimate;
         for part in [VISIBLE, HIDDEN] {

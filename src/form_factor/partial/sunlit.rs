@@ -7,7 +7,7 @@ use super::shadow::{Fragments, HalfSpace, subtract};
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
 
-/// An occluder whose normal is off the plane across the light by less than this is edge on, and shades nothing.
+/// The cosine between an occluder's normal and the light below which the occluder is edge on, and shades nothing.
 const EDGE_ON: f64 = 1e-14;
 
 /// The part of a polygon that light reaches.
@@ -15,14 +15,16 @@ const EDGE_ON: f64 = 1e-14;
 pub(crate) struct Lit {
     /// Its area, m².
     pub(crate) area: f64,
-    /// No less than the length of its border, m: that of all pieces that it was found in.
+    /// An upper bound of the length of its border, m: that of all pieces that make it up.
     pub(crate) border: f64,
 }
 
-/// Returns the part of a convex `region` that light from the unit `direction` reaches past `occluders`; the region faces the light, and `normal` is its unit normal.
+/// Returns the part of a convex `region` that light from the unit `direction` reaches past `occluders`.
+///
+/// The region faces the light, and `normal` is its unit normal.
 ///
 /// The shadow of an occluder is the prism of its part in front of the region's plane along the light. It is cut from the region edge by edge ([`SUTHERLAND_HODGMAN_1974`](crate::references::SUTHERLAND_HODGMAN_1974)
-/// with each plane), so that the pieces that are left are convex and disjoint. Accuracy: a few ulps of the coordinates at each cut. Departures: none.
+/// with each plane), so that the remaining pieces are convex and disjoint. Accuracy: a few ulps of the coordinates at each cut. Departures: none.
 pub(crate) fn lit_part(region: &[DVec3], normal: DVec3, direction: DVec3, occluders: &[Occluder<'_>]) -> Lit {
     let origin = region[0];
     let moved: Vec<DVec3> = region.iter().map(|&v| v - origin).collect();
@@ -61,7 +63,7 @@ fn prism(
     }
     let area = polygon::area_vector(corners);
     let facing = area.dot(direction);
-    // What meets the back of a solid's side has met another side's front.
+    // Light that meets the back of a solid's side has met another side's front.
     if facing.abs() <= EDGE_ON * area.length() || (one_sided && facing < 0.0) {
         return false;
     }

@@ -1,7 +1,7 @@
-//! The directions around a point, divided into cells until few faces are left in each.
+//! The directions around a point, divided into cells until few faces remain in each.
 //!
-//! Six pyramids about the axes fill all directions. A cell is halved for as long as that is expected to save work: looks at pairs of a patch and a face that may hide it. Where one face fills a cell, all that lies beyond
-//! it there is hidden and left out, so that the work is that of the faces which are seen. In the cells that are left, every patch is cut by each face that may hide a part of it.
+//! Six pyramids about the axes fill all directions. A cell is halved as long as that is expected to save work, counted in tests of a patch against a face that may hide it. Where one face fills a cell, everything beyond
+//! it there is hidden and left out, so that the work depends on the visible faces. In the remaining cells, every patch is cut by each face that may hide a part of it.
 //! Source: J. E. Warnock, "A Hidden Surface Algorithm for Computer Generated Halftone Pictures", University of Utah, 1969. Departures: pyramids of directions instead of windows of a screen, and exact cuts
 //! instead of pixels at the end.
 
@@ -17,25 +17,27 @@ use super::shadow::{Fragments, HalfSpace, subtract};
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
 
-/// Faces that may hide something, up to which a cell is not divided.
+/// The greatest number of faces that may hide something in a cell that is not divided.
 const FEW: usize = 4;
 
-/// The work of a polygon in a cell, in looks at a pair.
+/// The work of a polygon in a cell, in tests of a pair.
 const LOOKS: usize = 4;
 
-/// Halvings of one of the six pyramids, at most: about a corner of many faces they would not end.
+/// The most halvings of one of the six pyramids: about a corner of many faces they would not end.
 const MAX_HALVINGS: u32 = 20;
 
 /// Buffers of the views from points.
 #[derive(Default)]
 pub(crate) struct Scratch {
     half_spaces: Vec<HalfSpace>,
-    /// Of each occluder, the half-spaces of its pyramid, its plane last; empty of what hides nothing that others do not: the far sides of solids, and what is seen edge-on.
+    /// The half-spaces of each occluder's pyramid, its plane last.
+    ///
+    /// Empty for occluders that hide nothing beyond others: the far sides of solids, and faces seen edge-on.
     pyramids: Vec<Range<usize>>,
-    /// Of each occluder that hides a part of something, the distance, m.
+    /// The distance of each occluder that hides a part of something, m.
     distances: Vec<Option<f64>>,
     items: Vec<Item>,
-    /// Around the items of no cell, as seen from the point.
+    /// Balls around the items of no cell, as seen from the point.
     balls: Vec<Ball>,
     corners: Vec<DVec3>,
     whole: Vec<DVec3>,
@@ -55,12 +57,12 @@ struct Cutting {
 /// A polygon in a cell: an occluder, a patch, or an occluder that is one patch.
 #[derive(Clone, Debug)]
 struct Item {
-    /// The occluder, or that which the patch is a part of.
+    /// The occluder, or the one that the patch is a part of.
     own: usize,
     hides: bool,
     /// Whether it fills the cell.
     fills: bool,
-    /// The patch to look at, and whether it is seen from behind.
+    /// The patch, and whether it is seen from behind.
     patch: Option<(usize, bool)>,
     /// Corners as seen from the point, counter-clockwise there.
     corners: Range<usize>,
@@ -75,7 +77,7 @@ struct Work {
 }
 
 impl Work {
-    /// Returns the expected work, in looks at a pair.
+    /// Returns the expected work, in tests of a pair.
     fn cost(self) -> usize {
         if self.n_targets == 0 {
             return 0;
@@ -95,7 +97,7 @@ pub(super) struct View<'a, V> {
 }
 
 impl<'a, V: FnMut(&SeenPart<'_>)> View<'a, V> {
-    /// Calls `visit` with every part that is seen; see [`PointViews::visit`].
+    /// Calls `visit` with every visible part; see [`PointViews::visit`].
     pub(super) fn look(
         views: &'a PointViews,
         (point, normal): (DVec3, Option<DVec3>),
@@ -234,7 +236,7 @@ impl<'a, V: FnMut(&SeenPart<'_>)> View<'a, V> {
         });
     }
 
-    /// Looks into a cell, whose items are those from `first` on, without what is hidden there.
+    /// Divides a cell, whose items are those from `first` on, without the items hidden there.
     fn divide(&mut self, cell: &Cell, first: usize, halvings: u32) {
         let whole = self.work_of(first);
         if whole.n_targets == 0 {
@@ -287,7 +289,7 @@ impl<'a, V: FnMut(&SeenPart<'_>)> View<'a, V> {
         }
     }
 
-    /// Leaves out what lies beyond a face that fills the cell.
+    /// Leaves out the items beyond a face that fills the cell.
     fn leave_out_hidden(&mut self, cell: &Cell, first: usize) {
         let Scratch {
             half_spaces,
@@ -319,7 +321,7 @@ impl<'a, V: FnMut(&SeenPart<'_>)> View<'a, V> {
                 deepest = if depth > deepest { depth } else { deepest };
                 depth >= 0.0
             };
-            // What lies in the plane of the face is not hidden by it.
+            // Items in the plane of the face are not hidden by it.
             corners[item.corners.clone()].iter().all(&mut is_beyond) && deepest > self.views.tolerance()
         };
         let mut n_left = first;
@@ -332,7 +334,7 @@ impl<'a, V: FnMut(&SeenPart<'_>)> View<'a, V> {
         items.truncate(n_left);
     }
 
-    /// Cuts every patch of a cell by all that may hide a part of it there, and passes on what is left.
+    /// Cuts every patch of a cell by all faces that may hide a part of it there, and visits the remaining parts.
     fn cut(&mut self, cell: &Cell, first: usize) {
         let (views, point) = (self.views, self.point);
         let Scratch {
@@ -389,7 +391,9 @@ impl<'a, V: FnMut(&SeenPart<'_>)> View<'a, V> {
     }
 }
 
-/// Returns no less than the length of the border of a part as the origin sees it, in radians, and the distance of its nearest edge, m, without the edges that lie in a side of the cell.
+/// Returns an upper bound of the length of the border of a part as the origin sees it, in radians, and the distance of its nearest edge, m.
+///
+/// Edges that lie in a side of the cell do not count.
 fn border_of(corners: &[DVec3], sides: &[DVec3], reach: f64) -> (f64, f64) {
     let (mut border, mut nearest) = (0.0, f64::INFINITY);
     let mut a = corners[corners.len() - 1];
@@ -414,7 +418,7 @@ enum Kept {
     All,
 }
 
-/// Sets `inside` to the part of a convex polygon on the inner side of a plane through the origin, if that is a part.
+/// Sets `inside` to the part of a convex polygon on the inner side of a plane through the origin, if the plane cuts it.
 fn keep_inside(corners: &[DVec3], normal: DVec3, inside: &mut Vec<DVec3>) -> Kept {
     let (mut is_any_in, mut is_any_out) = (false, false);
     for &v in corners {
@@ -449,7 +453,7 @@ fn is_edge_on(plate: &Plate, point: DVec3) -> bool {
     plate.height(point).abs() <= f64::EPSILON * plate.ball.middle.distance(point)
 }
 
-/// Appends the half-spaces of the pyramid over a plate, with or without what is `beyond` its plane; none if it is seen edge-on.
+/// Appends the half-spaces of the pyramid over a plate, with or without the one `beyond` its plane; none if it is seen edge-on.
 fn pyramid_over(plate: &Plate, point: DVec3, beyond: bool, half_spaces: &mut Vec<HalfSpace>) {
     if is_edge_on(plate, point) {
         return;
@@ -503,7 +507,7 @@ impl Cutting {
             if subtract(fragment, half_spaces, next, rest, piece) {
                 is_cut = true;
             } else {
-                // Nothing is hidden: one whole fragment, not the pieces that told so.
+                // Nothing is hidden: one whole fragment instead of the pieces.
                 next.truncate(before);
                 next.push(fragment);
             }

@@ -9,17 +9,19 @@ use super::{DEVIATIONS, End, Rounded, Vertex};
 use crate::form_factor::facing::Facing;
 use crate::geometry::polygon;
 
-/// Of this part of its radius a patch is in front of a plane for certain, if its middle is.
+/// The least height of a patch's middle over a plane, as a part of its radius, at which the patch is certainly in front.
 const IN_FRONT: f64 = 1e-8;
 
-/// Corners that are nearer to another patch than they may be off are meant to touch it, as far as that is below this part of both radii.
+/// The part of both radii up to which corners count as meant to touch, if they are nearer to another patch than they may be off.
 const TOUCHING: f64 = 0.05;
 
-/// The plane of a face, and how it follows the face's vertices.
+/// The plane of a face, and its change with the face's vertices.
 #[derive(Clone, Debug)]
 pub(super) struct Plane {
     middle: DVec3,
-    /// The change of each vertex's weight in the height of a point on the way to that point, per m: the heights of the vertices fit the plane by least squares.
+    /// The change of each vertex's weight in the height of a point on the way to that point, per m.
+    ///
+    /// The heights of the vertices fit the plane by least squares.
     slopes: Vec<DVec3>,
     /// How far the normal may turn, in radians.
     tilt: f64,
@@ -64,12 +66,12 @@ fn height_off(vertex: &Vertex, normal: DVec3) -> f64 {
     normal.abs().dot(vertex.half)
 }
 
-/// Returns what is stated of a sum of numbers that are each equally likely up to x, from the sum of all x².
+/// Returns the stated error of a sum of numbers that are each uniform up to x, from the sum of all x².
 fn deviations(square: f64) -> f64 {
     DEVIATIONS * (square / 3.0).sqrt()
 }
 
-/// A coarse description that decides most pairs.
+/// A coarse description of a patch that decides most pairs.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Glance {
     normal: DVec3,
@@ -93,7 +95,7 @@ impl Glance {
         }
     }
 
-    /// Returns how far the middle of another patch is in front of the plane, and what part of that patch may be more so, in m.
+    /// Returns the height of the middle of another patch over the plane, and how much higher a part of that patch may be, in m.
     fn height(&self, of: &Self) -> (f64, f64) {
         let way = of.middle - self.middle;
         let reach = of.radius + 2.0 * (self.off + of.off) + self.tilt * (way.length() + of.radius + self.lever);
@@ -105,11 +107,11 @@ impl Glance {
 struct Front {
     /// Its area, m².
     area: f64,
-    /// How far it may be in front at most, m.
+    /// Its greatest possible height over that plane, m.
     highest: f64,
-    /// How steeply it may rise from the other patch, at most: the sine; `None` where no line parts the two.
+    /// The sine of the steepest angle at which it may rise from the other patch; `None` where no line separates the two.
     slope: Option<f64>,
-    /// True if its highest corner is farther in front than it may be off.
+    /// True if its highest corner is certainly in front: higher than it may be off.
     is_certain: bool,
     /// True if it may all be behind the plane.
     may_be_none: bool,
@@ -119,13 +121,13 @@ struct Front {
 pub(super) struct Meant {
     /// The most, m².
     pub(super) most: f64,
-    /// True if the one is hardly in front of the other's plane, so that a first order in how far it may be off says little.
+    /// True if one is hardly in front of the other's plane, so that the first order of its error means little.
     pub(super) is_grazing: bool,
-    /// True if it may be nothing.
+    /// True if it may be 0.
     pub(super) may_be_none: bool,
 }
 
-/// Returns what two patches that face each other in the file may exchange as they were meant.
+/// Returns the exchange that two patches that face each other in the file may have as they were meant.
 pub(super) fn meant([own, other]: [&End; 2]) -> Meant {
     let fronts = front(own, other).zip(front(other, own));
     let Some((of_own, of_other)) = fronts else {
@@ -143,12 +145,13 @@ pub(super) fn meant([own, other]: [&End; 2]) -> Meant {
 }
 
 impl Rounded {
-    /// Calls `visit(j, x)` for each of the patches `columns` that does not [face](Facing::pair) patch i in the file, but may do so as both were meant: x is the most that A_i F_ij may then be, m².
+    /// Calls `visit(j, x)` for the patches among `columns` that do not [face](Facing::pair) patch i in the file, but may do so as both were meant.
     ///
-    /// Each corner's height over the other's plane may be off by what the vertices that it depends on are, as [`error`](Self::error) states it. What cannot be in front of that plane is cut off, a_i and a_j are left.
-    /// With θ the angles to both normals, A_i F_ij is at most a_i a_j cos θ_i cos θ_j / (π g²) at a gap g, and a_i sin² φ / 2 if j rises to an angle φ over the plane of i; so for j. As
-    /// cos θ_i + cos θ_j ≤ |n_i − n_j|, patches of about the same plane see next to nothing of each other, however near they are. Corners that patches share, or touch each other with, move both.
-    /// A patch that lies flat on another is meant to, and sees nothing, as far as it is wider than it may be off.
+    /// x is the most that A_i F_ij may then be, m². Each corner's height over the other's plane has the error of the vertices that it depends on, as in [`error`](Self::error).
+    /// The parts that cannot be in front of that plane are cut off, which leaves a_i and a_j.
+    /// With θ the angles to both normals, A_i F_ij is at most a_i a_j cos θ_i cos θ_j / (π g²) at a gap g, and a_i sin² φ / 2 if j rises to an angle φ over the plane of i, and the reverse. As
+    /// cos θ_i + cos θ_j ≤ |n_i − n_j|, patches of about the same plane hardly see each other, however near they are. Corners that patches share, or touch each other with, move both.
+    /// A patch that lies flat on another, as far as it is wider than it may be off, is meant to, and sees nothing.
     ///
     /// Work: some ns for each column, and some µs for each pair that is not decided by middles and radii.
     pub(in crate::form_factor) fn behind(
@@ -178,7 +181,7 @@ impl Rounded {
     }
 }
 
-/// Returns what two ends that do not face each other may exchange as they were meant, m².
+/// Returns the most that two ends that do not face each other may exchange as they were meant, m².
 fn most_behind(own: &End, other: &End) -> f64 {
     let Some(of_own) = front(own, other) else { return 0.0 };
     let Some(of_other) = front(other, own) else { return 0.0 };
@@ -189,7 +192,7 @@ fn most_behind(own: &End, other: &End) -> f64 {
     most(own, other, [&of_own, &of_other])
 }
 
-/// Returns the most that two ends may exchange, m², by what may be in front of each other's planes.
+/// Returns the most that two ends may exchange, m², by the parts that may be in front of each other's planes.
 fn most(own: &End, other: &End, [of_own, of_other]: [&Front; 2]) -> f64 {
     let gap = gap(own, other);
     let turn = own.normal.distance(other.normal) + own.plane.tilt + other.plane.tilt;
@@ -197,10 +200,10 @@ fn most(own: &End, other: &End, [of_own, of_other]: [&Front; 2]) -> f64 {
         let by_gap = if gap > 0.0 { front.highest / gap } else { f64::INFINITY };
         by_gap.min(front.slope.unwrap_or(f64::INFINITY)).min(turn).min(1.0)
     };
-    // What rises over one is seen from there.
+    // The part of one end that rises over the other is seen from there.
     let (from_own, from_other) = (sine_of(of_other), sine_of(of_own));
     let product = (from_own * from_other).min(0.25 * turn * turn);
-    // What lies beside an end fills half of what is around it at most.
+    // A part beside an end fills at most half of the directions around it.
     let part = |rise: f64, front: &Front| if front.slope.is_some() { 0.5 } else { 1.0 } * rise * rise;
     let most = (of_own.area * part(from_own, of_other)).min(of_other.area * part(from_other, of_own));
     if gap > 0.0 {
@@ -210,7 +213,7 @@ fn most(own: &End, other: &End, [of_own, of_other]: [&Front; 2]) -> f64 {
     }
 }
 
-/// Returns what of an end may be in front of the plane of another; `None` if nothing.
+/// Returns the part of an end that may be in front of the plane of another; `None` if there is none.
 fn front(end: &End, over: &End) -> Option<Front> {
     let both_off = end.off + over.off;
     let may_touch = both_off <= TOUCHING * end.radius.min(over.radius);
@@ -237,9 +240,9 @@ fn front(end: &End, over: &End) -> Option<Front> {
     })
 }
 
-/// Returns the sine of the angle that an end, whose corners are so high over another at most, may rise to as seen from there; `None` where no line in the plane of the other parts the two.
+/// Returns the sine of the greatest angle to which an end, with such greatest heights of its corners, may rise as seen from another.
 ///
-/// Both height and distance from such a line are linear, so that their ratio is greatest at a corner.
+/// `None` where no line in the plane of the other separates the two. Both height and distance from such a line are linear, so that their ratio is greatest at a corner.
 fn slope(end: &End, over: &End, heights: &[f64]) -> Option<f64> {
     let off = end.off + over.off;
     let sides = |of: &End| -> Vec<DVec3> {
@@ -298,7 +301,7 @@ fn corner_off(end: &End, corner: usize, over: &End) -> f64 {
         most += weight.abs() * off;
         square += (weight * off).powi(2);
     }
-    // No point is higher than it is far away; where an end is hardly more than a line, that is all that is known.
+    // A height is at most the distance; where an end is hardly more than a line, no better bound is known.
     let farthest = way.length() + end.off + over.off;
     deviations(square).min(most).min(farthest)
 }
@@ -320,7 +323,7 @@ fn area_above(corners: &[DVec3], heights: &[f64]) -> f64 {
     polygon::area_vector(&part).length()
 }
 
-/// Returns a distance that no two points of two ends are nearer than, in m.
+/// Returns a lower bound of the distance between points of two ends, in m.
 fn gap(one: &End, other: &End) -> f64 {
     let from = |end: &End, to: &End| polygon::distance(end.middle, &to.corners) - end.radius;
     from(one, other).max(from(other, one)) - one.off - other.off

@@ -58,7 +58,7 @@ fn closed_form_of_a_perpendicular_rectangle() {
             (value - exact).abs() < 1e-15,
             "{height} {width} {distance}: {value} against {exact}"
         );
-        // What lies below the horizon adds nothing.
+        // The part below the horizon adds nothing.
         let sunk = rectangle(
             DVec3::new(distance, 0.0, -7.0),
             DVec3::Z * (height + 7.0),

@@ -1,11 +1,11 @@
-//! Numbers of about 31 digits, for sums that cancel more than an `f64` can lose.
+//! Numbers of about 31 digits, for sums whose cancellation exceeds the digits of an `f64`.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 use std::sync::OnceLock;
 
 /// An unevaluated sum hi + lo with |lo| ≤ ulp(hi)/2: 106 bits.
 ///
-/// Sums, products, quotients and roots are good to a few times 2⁻¹⁰⁴, relative; logarithms and angles to 1e-30.
+/// Sums, products, quotients and roots are accurate to a few times 2⁻¹⁰⁴, relative; logarithms and angles to 1e-30.
 /// Source: T. J. Dekker, Numer. Math. 18, 1971. Departures: none.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub(super) struct DoubleDouble {
@@ -177,7 +177,7 @@ impl Tables {
     fn odd_series(&self, z: DoubleDouble, sign: f64) -> DoubleDouble {
         let square = (z * z).scale(sign);
         let x = square.hi;
-        // From the fifth term on (2^−48 of the first) an f64 is enough; the first term left out is 2^−108 of the sum.
+        // From the fifth term on (2^−48 of the first) an f64 is enough; the first omitted term is 2^−108 of the sum.
         let tail = [9.0, 11.0, 13.0, 15.0, 17.0]
             .into_iter()
             .rev()

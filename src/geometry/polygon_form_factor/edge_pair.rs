@@ -32,7 +32,7 @@ impl<T: Real> Edge<T> {
 
     /// Returns ∫₀¹ ln |start + t vector − y| dt.
     ///
-    /// = (t₁ ln r₁² − t₀ ln r₀²)/2 − 1 + h θ/L, with t the ends' places along the edge seen from y's foot, in lengths L of the
+    /// It is (t₁ ln r₁² − t₀ ln r₀²)/2 − 1 + h θ/L, with t the ends' positions along the edge seen from y's foot, in lengths L of the
     /// edge, h the distance of y from the edge's line and θ the angle under which y sees the edge.
     fn logarithm_from(&self, y: Vector<T>) -> T {
         let (to_start, to_end) = (self.start.minus(y), self.end.minus(y));
@@ -51,7 +51,7 @@ impl<T: Real> Edge<T> {
     }
 }
 
-/// An integral of ln r and the size of the terms that it was summed from, which its rounding goes with.
+/// An integral of ln r and the size of the terms that it was summed from, to which its rounding is proportional.
 pub(super) struct Integral<T> {
     pub(super) value: T,
     pub(super) size: f64,
@@ -59,9 +59,9 @@ pub(super) struct Integral<T> {
 
 /// Returns ∫₀¹ ∫₀¹ ln r ds dt over two edges, r the distance of their points.
 ///
-/// Edges that share a corner, exactly: with r homogeneous of degree 1 in (s, t), Euler's theorem makes the integral half of its two
-/// inner integrals at s = 1 and t = 1, minus 1/2. Else the inner integral is exact and the outer one a Gauss rule
-/// on pieces that shrink towards the places where the other edge comes near, `digits` decimal digits of them.
+/// Edges that share a corner are exact: with r homogeneous of degree 1 in (s, t), Euler's theorem makes the integral half of its two
+/// inner integrals at s = 1 and t = 1, minus 1/2. Otherwise the inner integral is exact and the outer one a Gauss rule
+/// on pieces that shrink towards the points where the other edge comes near, to `digits` decimal digits.
 pub(super) fn logarithm_integral<T: Real>(a: &Edge<T>, b: &Edge<T>, digits: f64) -> Integral<T> {
     let meeting = [
         (a.start, a.end, b.start, b.end),
@@ -104,7 +104,7 @@ pub(super) fn logarithm_integral<T: Real>(a: &Edge<T>, b: &Edge<T>, digits: f64)
     }
 }
 
-/// A complex place x ± iy along the outer edge (its ends at 0 and 1) where the inner integral is not analytic.
+/// A complex point x ± iy along the outer edge (its ends at 0 and 1) where the inner integral is not analytic.
 #[derive(Clone, Copy, Debug)]
 struct Singularity {
     x: f64,
@@ -112,14 +112,14 @@ struct Singularity {
 }
 
 impl Singularity {
-    /// Returns the sum of the half axes of the ellipse through this place with foci at the ends of an interval, 1 on it.
+    /// Returns the sum of the half axes of the ellipse through this point with foci at the ends of an interval, 1 on it.
     fn ellipse(self, low: f64, high: f64) -> f64 {
         let half_sum = ((self.x - low).hypot(self.y) + (self.x - high).hypot(self.y)) / (high - low);
         half_sum + (half_sum * half_sum - 1.0).max(0.0).sqrt()
     }
 }
 
-/// Returns where r vanishes to an end of the inner edge, and where the distance to its line does.
+/// Returns the points where r vanishes at an end of the inner edge, and where the distance to its line does.
 fn singularities(
     [start, vector]: [DVec3; 2],
     [inner_start, inner_vector]: [DVec3; 2],
@@ -159,7 +159,7 @@ const SMALLEST_ELLIPSE: f64 = 2.5;
 /// A Gauss rule of n points has an error of the order of ρ^(−2n) where the integrand is analytic inside the ellipse of
 /// the half axes' sum ρ (Trefethen, *Approximation Theory and Approximation Practice*, theorem 19.3).
 fn graded_pieces(singularities: &[Singularity], digits: f64, integrate: &mut impl FnMut(f64, f64, usize)) {
-    // A piece of length l with the singularity at its end, s ln s, has an error of 1e-3 l² or less; and f64 places end at 1e-16.
+    // A piece of length l with the singularity at its end, s ln s, has an error of at most 1e-3 l²; and f64 resolves positions to 1e-16.
     let shortest = 10.0_f64.powf(-0.5 * digits).max(1e-15);
     let mut waiting = vec![(0.0, 1.0)];
     while let Some((low, high)) = waiting.pop() {

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::prepared::PreparedPolygon;
 
-/// A height of more than this part of a polygon's radius is one, whatever the other polygon's coordinates.
+/// The part of a polygon's radius above which a height is real, whatever the other polygon's coordinates.
 const MIN_HEIGHT: f64 = 1e-9;
 
 /// The parts of two polygons in front of each other's planes, both not empty.
@@ -20,11 +20,11 @@ pub(super) struct FacingPair<'a> {
 /// The part of a polygon in front of a plane.
 pub(super) struct Part<'a> {
     pub(super) polygon: WholeOrCut<'a>,
-    /// Of the corners over the other's plane, in m; none is negative.
+    /// The heights of the corners over the other's plane, in m; none is negative.
     pub(super) heights: Heights,
 }
 
-/// A polygon that was not cut, or what was left of one.
+/// A polygon that was not cut, or the rest of one.
 pub(super) enum WholeOrCut<'a> {
     Whole(&'a PreparedPolygon),
     Cut(Box<PreparedPolygon>),
@@ -41,10 +41,10 @@ impl Deref for WholeOrCut<'_> {
 }
 
 impl<'a> FacingPair<'a> {
-    /// Returns `None` if no point of either front sees one of the other.
+    /// Returns the parts, or `None` if no point of either front sees one of the other.
     ///
-    /// A corner within 8 ulps (of the largest coordinate) of the other's plane counts as in it, and is neither cut off nor seen; but not where that is more than
-    /// a billionth of the polygon that it is a corner of: what stands on something very large is seen by it.
+    /// A corner within 8 ulps (of the largest coordinate) of the other's plane counts as in it, and is neither cut off nor seen. Where that is more than
+    /// a billionth of the size of the corner's polygon, the billionth counts instead, so that a very large polygon sees one that stands on it.
     pub(super) fn new(first: &'a PreparedPolygon, second: &'a PreparedPolygon) -> Option<Self> {
         let has_area = |polygon: &PreparedPolygon| polygon.area() > 0.0 && polygon.area().is_finite();
         if !has_area(first) || !has_area(second) {
@@ -149,7 +149,7 @@ impl Heights {
         self.lowest
     }
 
-    /// How much the heights vary, from 0 to 1: (highest − lowest)/highest.
+    /// The variation of the heights, from 0 to 1: (highest − lowest)/highest.
     pub(super) fn variation(&self) -> f64 {
         1.0 - self.lowest / self.highest
     }

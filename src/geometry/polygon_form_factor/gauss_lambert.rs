@@ -43,7 +43,7 @@ impl<'a> Outer<'a> {
         order * order * self.polygon.pieces().len()
     }
 
-    /// Returns how far the polygon's middle is from the other's edges, in radii of the polygon.
+    /// Returns the distance of the polygon's middle from the other's edges, in radii of the polygon.
     pub(super) fn distance_in_radii(&self) -> f64 {
         let centre = self.shift + self.polygon.centre();
         distance_from_edges(centre, &self.target) / self.polygon.radius()

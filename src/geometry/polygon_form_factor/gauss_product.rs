@@ -12,7 +12,7 @@ use super::real::Real;
 /// The largest order: 20 × 20 points a piece.
 pub const LARGEST_ORDER: usize = 20;
 
-/// Gauss points of the unit square: places, weights, and weights of the four corners.
+/// Gauss points of the unit square: positions, weights, and weights of the four corners.
 pub(super) struct SquareRule {
     pub(super) s: Vec<f64>,
     pub(super) t: Vec<f64>,

@@ -1,8 +1,8 @@
-//! The exchange area A₁F₁₂ of two planar polygons that see each other unoccluded, to nearly the last digit.
+//! The exchange area A₁F₁₂ of two unoccluded planar polygons, to nearly the last digit.
 //!
 //! Polygons are simple, with three corners or more, convex or not, and see along the normal of their winding (counter-clockwise
-//! from the front). Each is first cut at the plane of the other: only what lies in front of both takes part, so
-//! that polygons in one plane or back to back exchange exactly 0. What is left is integrated by one of these, from far to near:
+//! from the front). Each is first cut at the plane of the other: only the parts in front of both planes count, so
+//! that polygons in one plane or back to back exchange exactly 0. These parts are integrated by one of the following rules, from far to near:
 //!
 //! | rule | formula | where | error |
 //! |---|---|---|---|
@@ -12,15 +12,15 @@
 //! | [`contour`] | 1/(2π) ∮∮ ln r dr₁·dr₂, inner integral exact | anywhere | 3e-16 of its terms without signs |
 //! | [`contour_extended`] | the same with 31 digits | anywhere | 2e-31 of its terms without signs |
 //!
-//! For q points a side, the error that a product rule makes on one of the polygons is at most twice
+//! For q points a side, the error of a product rule on one of the polygons is at most twice
 //! S e_q C_2q κ^(2q−2) (κ + v)(κ + j), where S = A₁A₂h₁h₂/(πr⁴) with the highest corners and the distance of the middles; κ < 1 is half of the
 //! longest line of points over the distance from its middle to the sphere around the other polygon; v and j are half of the relative variations of the height and
 //! of the area element along a line; e_q is the rule's error on x^2q, and C_2q the largest coefficient of x^2q in (1 − 2x cos φ + x²)⁻²
-//! for all directions φ that there are. This is the first term of the error's series; the error was at most 0.7 of it, not 2, in 20 000 random pairs
+//! for all possible directions φ. This is the first term of the error's series; the error was at most 0.7 of it, not 2, in 20 000 random pairs
 //! for each q, and 0.1 of it in the mean. For `gauss_lambert`, ρ = d + √(d² − 1) with d the distance of the outer polygon's middle from the other's edges in
 //! radii of the outer one; the form is that of Trefethen, *Approximation Theory and Approximation Practice*, theorem 19.3, the constant is measured in the same way.
 //!
-//! The contour sum cancels: what is left of its 16 digits is about log₁₀(10¹⁶ X/(P₁P₂)), with X = A₁F₁₂ and P the perimeters. Relative errors, measured:
+//! The contour sum cancels: about log₁₀(10¹⁶ X/(P₁P₂)) of its 16 digits remain, with X = A₁F₁₂ and P the perimeters. Relative errors, measured:
 //!
 //! | pair | `contour` | `contour_extended` |
 //! |---|---|---|
@@ -33,7 +33,7 @@
 //! | facing at 1e3, 1e6 diameters | 2e-9, 2e-3 | 3e-16 |
 //! | grazing at 1e3, 1e6 diameters | 6e-5, all | 3e-16, 6e-9 (`gauss_product`: 7e-15, 5e-14) |
 //!
-//! [`exchange_area`] takes the cheapest rule whose error is below the tolerance, and says which. The extended sum costs some forty times the plain one.
+//! [`exchange_area`] chooses the cheapest rule whose error is below the tolerance, and returns which. The extended sum costs some forty times the plain one.
 //!
 //! ```
 //! use radiosity::geometry::DVec3;
@@ -62,7 +62,7 @@ use facing::FacingPair;
 pub use gauss_product::LARGEST_ORDER;
 pub use prepared::PreparedPolygon;
 
-/// The error that a result may have: |error| ≤ max(`rel` · value, `abs`).
+/// The allowed error of a result: |error| ≤ max(`rel` · value, `abs`).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tolerance {
     /// Relative to the exchange area.
@@ -79,24 +79,24 @@ impl Default for Tolerance {
 }
 
 impl Tolerance {
-    /// Returns the error that a value may have.
+    /// Returns the allowed error of a value.
     fn of(self, value: f64) -> f64 {
         (self.rel * value).max(self.abs)
     }
 }
 
-/// An exchange area with its error and the rule that it comes from.
+/// An exchange area with its error and the rule that computed it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Exchange {
     /// A₁F₁₂ = A₂F₂₁, in m².
     pub value: f64,
-    /// An estimate of the absolute error from above, in m²; rounding of the given corners is not in it.
+    /// An upper estimate of the absolute error, in m², without the rounding of the given corners.
     pub error: f64,
     /// The rule.
     pub rule: Rule,
 }
 
-/// How an exchange area was found.
+/// The rule that computed an exchange area.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Rule {
@@ -131,11 +131,11 @@ impl Exchange {
 /// Returns A₁F₁₂ of two unoccluded polygons with an error below the tolerance, by the cheapest of the rules that reaches it.
 ///
 /// X = 1/π ∫∫ cos θ₁ cos θ₂ / r² dA₁ dA₂ in m², symmetric in its arguments. The tolerance is met wherever 31 digits are enough
-/// to reach it, down to about 2e-15 relative: a tolerance below that gives the best that there is, with an `error` that says so.
+/// to reach it, down to about 2e-15 relative; below that the result is the best possible, and `error` states its accuracy.
 /// Corners must be finite and lengths between 1e-60 and 1e60 m; a corner nearer to the other polygon's plane than 8 ulps of the
 /// largest coordinate counts as in it.
 ///
-/// Source: Sparrow (1963), equation (8), for the contours; the other rules as the [module](self) says. Departures: none.
+/// Source: Sparrow (1963), equation (8), for the contours; for the other rules see the [module](self). Departures: none.
 #[must_use]
 #[doc(alias = "view factor")]
 pub fn exchange_area(from: &PreparedPolygon, to: &PreparedPolygon, tolerance: Tolerance) -> Exchange {
@@ -144,10 +144,10 @@ pub fn exchange_area(from: &PreparedPolygon, to: &PreparedPolygon, tolerance: To
     })
 }
 
-/// Returns A₁F₁₂ from Gauss points on both polygons, `order`² of them on each triangle or quad that they are cut into.
+/// Returns A₁F₁₂ from Gauss points on both polygons, `order`² of them on each triangle or quad of their division.
 ///
-/// X = Σ w_i w_j h_i h_j / (π r_ij⁴), with h the heights over the other's plane. The error is bounded as the
-/// [module](self) says; where there is no bound, it is all that the value can be wrong by. Departures: none.
+/// X = Σ w_i w_j h_i h_j / (π r_ij⁴), with h the heights over the other's plane. For the bound of the error see the
+/// [module](self); where there is no bound, the error is the largest possible one. Departures: none.
 ///
 /// # Panics
 /// If the order is 0 or above [`LARGEST_ORDER`].
@@ -181,9 +181,9 @@ fn check_order(order: usize) {
 
 /// Returns A₁F₁₂ from the integral around both contours, in `f64`.
 ///
-/// X = 1/(2π) Σ_i Σ_j (e_i · e_j) ∫₀¹∫₀¹ ln r ds dt over the edges e of both. Edges that share a corner have a closed form; else the integral
-/// over the longer edge is exact and that over the shorter one a Gauss rule on pieces graded towards the places where the edges come near.
-/// The estimate is of rounding: 3e-16 of the sum of all terms without their signs. Source: Sparrow (1963), equation (8). Departures: none.
+/// X = 1/(2π) Σ_i Σ_j (e_i · e_j) ∫₀¹∫₀¹ ln r ds dt over the edges e of both. Edges that share a corner have a closed form; otherwise the integral
+/// over the longer edge is exact and that over the shorter one a Gauss rule on pieces graded towards the points where the edges come near.
+/// The error is an estimate of rounding: 3e-16 of the sum of all terms without their signs. Source: Sparrow (1963), equation (8). Departures: none.
 #[must_use]
 pub fn contour(from: &PreparedPolygon, to: &PreparedPolygon) -> Exchange {
     FacingPair::new(from, to).map_or(Exchange::UNSEEN, |pair| {
@@ -191,7 +191,9 @@ pub fn contour(from: &PreparedPolygon, to: &PreparedPolygon) -> Exchange {
     })
 }
 
-/// Returns A₁F₁₂ as [`contour`] does, with 31 digits in every step: to rounding of the result, as long as this is above 1e-15 of the product of the perimeters.
+/// Returns A₁F₁₂ as [`contour`] does, with 31 digits in every step.
+///
+/// The result is exact to rounding, as long as it is above 1e-15 of the product of the perimeters.
 #[must_use]
 pub fn contour_extended(from: &PreparedPolygon, to: &PreparedPolygon) -> Exchange {
     FacingPair::new(from, to).map_or(Exchange::UNSEEN, |pair| {

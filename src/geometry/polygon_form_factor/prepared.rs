@@ -1,4 +1,4 @@
-//! A polygon with what every pair that it is in needs.
+//! A polygon with the quantities that all of its pairs need.
 
 use glam::DVec3;
 
@@ -11,7 +11,7 @@ pub struct PreparedPolygon {
     corners: Vec<DVec3>,
     /// The displacements of the exact corners from `corners`; empty where these are exact.
     remainders: Vec<DVec3>,
-    /// Area times normal, with every digit that the corners have.
+    /// Area times normal, with every digit of the corners.
     area_vector: Vector<DoubleDouble>,
     normal: DVec3,
     area: f64,
@@ -21,11 +21,11 @@ pub struct PreparedPolygon {
     radius: f64,
     /// Half of the longest edge of the pieces.
     half_edge: f64,
-    /// How far the middles of the pieces' edges are from the centre at most.
+    /// The greatest distance of the middle of a piece's edge from the centre.
     reach: f64,
     is_parallelogram: bool,
     perimeter: f64,
-    /// The largest coordinate: corners are known to an ulp of it.
+    /// The largest coordinate: corners are accurate to an ulp of it.
     extent: f64,
     pieces: Vec<Piece>,
 }
@@ -53,7 +53,7 @@ impl PreparedPolygon {
     /// Prepares a simple planar polygon, convex or not, whose corners run counter-clockwise seen from its front, in m.
     ///
     /// Fewer than three corners, or corners on a line, make a polygon of no area, which exchanges nothing.
-    /// Corners off the common plane are taken as they are: the plane is that of the first corner and the area vector.
+    /// Corners off the common plane are kept as they are: the plane is that of the first corner and the area vector.
     #[must_use]
     pub fn new(corners: &[DVec3]) -> Self {
         let area_vector = corners
@@ -223,7 +223,7 @@ impl PreparedPolygon {
         self.area_vector.dot(point.minus(self.exact_corner(0)))
     }
 
-    /// Returns the height of a point over the polygon's plane, in m; 0 within `tolerance` of it, else to about 200 ulps of itself.
+    /// Returns the height of a point over the polygon's plane, in m; 0 within `tolerance` of it, otherwise to about 200 ulps of itself.
     #[inline]
     pub(super) fn height(&self, point: &DVec3, tolerance: f64) -> f64 {
         // By components, which stay in registers.

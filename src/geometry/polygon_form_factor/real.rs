@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::double_double::DoubleDouble;
 
-/// The longest line rule that is kept.
+/// The longest line rule that is stored.
 pub(super) const LONGEST_RULE: usize = 48;
 
 /// `f64` or [`DoubleDouble`].
@@ -113,7 +113,7 @@ impl Real for DoubleDouble {
     }
 }
 
-/// Returns node and weight on [0, 1] from a node on [−1, 1] that is good to 1e-15.
+/// Returns node and weight on [0, 1] from a node on [−1, 1] that is accurate to 1e-15.
 fn refine_node(n: usize, start: DoubleDouble) -> (DoubleDouble, DoubleDouble) {
     let one = DoubleDouble::new(1.0);
     // Returns 1 − x² and (1 − x²) P′ besides P, the Legendre polynomial.
@@ -147,7 +147,7 @@ impl Vector<DoubleDouble> {
         Self([0, 1, 2].map(|k| DoubleDouble::difference(high[k], -low[k])))
     }
 
-    /// Returns the nearest `f64` vector and what it leaves, rounded.
+    /// Returns the nearest `f64` vector and the rounded remainder.
     pub(super) fn split(self) -> (DVec3, DVec3) {
         let high = self.to_f64();
         (high, self.minus(Self::sum(high, DVec3::ZERO)).to_f64())

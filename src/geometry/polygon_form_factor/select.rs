@@ -18,10 +18,10 @@ pub(super) const DIGITS: f64 = 17.0;
 /// The same in double-double numbers.
 pub(super) const EXTENDED_DIGITS: f64 = 31.0;
 
-/// Up to so many kernel evaluations a product rule costs less than a closed form (some 500 ns) or a contour (some 10 µs).
+/// The most kernel evaluations for which a product rule costs less than a closed form (some 500 ns) or a contour (some 10 µs).
 const CHEAPER_THAN_CLOSED_FORM: usize = 500;
 const CHEAPER_THAN_CONTOUR: usize = 8000;
-/// Up to so many points with exact form factors (some 50 ns an edge) cost less than a contour.
+/// The most points with exact form factors (some 50 ns an edge) that cost less than a contour.
 const POINTS_CHEAPER_THAN_CONTOUR: usize = 81;
 
 pub(super) fn exchange_area(
@@ -54,7 +54,7 @@ pub(super) fn exchange_area(
     if let Some(exchange) = try_product(usize::MAX) {
         return exchange;
     }
-    // The first error goes with the size of the terms; where its value means something, both tell how many digits will do.
+    // The first error is proportional to the size of the terms; where its value is accurate enough, both give the digits needed.
     let wanted = if first.value > 2.0 * first.error {
         0.1 * tolerance.of(first.value) * f64::EPSILON / first.error
     } else {
@@ -80,7 +80,7 @@ pub(super) fn checked(pair: &FacingPair, estimate: Estimate, rule: Rule) -> Exch
     }
 }
 
-/// How fast product rules converge for a pair.
+/// The convergence of product rules for a pair.
 struct ProductBound {
     /// The sum's size: A₁A₂h₁h₂/(πr⁴) at the highest corners, areas without their signs.
     size: f64,
@@ -88,7 +88,7 @@ struct ProductBound {
     value: f64,
     /// Relative rounding of the value, most of it from low heights.
     rounding: f64,
-    /// For each polygon, or `None` if they are too near for a bound.
+    /// Of each polygon; `None` if they are too near for a bound.
     convergence: Option<[Convergence; 2]>,
 }
 
@@ -161,7 +161,7 @@ impl ProductBound {
 
     /// Returns the orders that reach a tolerance, if there are such.
     fn orders(&self, tolerance: Tolerance) -> Option<[usize; 2]> {
-        // Half of the tolerance for each polygon, and the value may turn out smaller.
+        // Half of the tolerance for each polygon; the value may turn out smaller.
         let wanted = 0.25 * tolerance.of(self.value);
         let [first, second] = self.convergence?.map(|convergence| {
             let enough = convergence
@@ -203,7 +203,7 @@ fn product_with(pair: &FacingPair, bound: &ProductBound, orders: [usize; 2]) -> 
     bounded(pair, value, bound.error(orders, value), Rule::GaussProduct { orders })
 }
 
-/// Keeps an error below all that a value can be wrong by.
+/// Limits an error to the largest possible one of a value.
 fn bounded(pair: &FacingPair, value: f64, error: f64, rule: Rule) -> Exchange {
     let most = pair.first.polygon.area().min(pair.second.polygon.area());
     Exchange {
@@ -213,7 +213,7 @@ fn bounded(pair: &FacingPair, value: f64, error: f64, rule: Rule) -> Exchange {
     }
 }
 
-/// Returns the closed form where it applies, its error with what the edges are off their directions.
+/// Returns the closed form where it applies, its error with that of edges off their directions.
 fn rectangles(from: &PreparedPolygon, to: &PreparedPolygon, pair: &FacingPair) -> Option<Exchange> {
     let (first, second) = (from.corners(), to.corners());
     let value = rectangle_exchange_area(first, second)?;
@@ -242,7 +242,7 @@ fn try_lambert(pair: &FacingPair, tolerance: Tolerance) -> Option<Exchange> {
     let outer = Outer::new(pair);
     let (ratio, area) = (outer.distance_in_radii(), outer.area());
     let cheap = |order: usize| outer.n_points(order) <= POINTS_CHEAPER_THAN_CONTOUR;
-    // The factor from the middle, a rule of one point, tells roughly what the value will be.
+    // The factor from the middle, a rule of one point, is a rough estimate of the value.
     let wanted = 0.5 * tolerance.of(area * outer.middle_factor());
     let order = (2..=LARGEST_ORDER)
         .take_while(|&order| cheap(order))

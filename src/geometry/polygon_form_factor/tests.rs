@@ -177,7 +177,7 @@ fn symmetric_and_invariant() {
         let value = exchange_area(&p, &q, Tolerance::default()).value;
         let reverse = exchange_area(&q, &p, Tolerance::default()).value;
         assert!((value - reverse).abs() <= 1e-12 * value, "{value:e} {reverse:e}");
-        // Powers of two change no digit, and so nothing but the cheap choice of a rule could.
+        // Powers of two change no digit, and so at most the cheap choice of a rule.
         for scale in [2.0_f64.powi(-20), 2.0_f64.powi(20)] {
             let [p, q] =
                 [&p, &q].map(|p| PreparedPolygon::new(&p.corners().iter().map(|&v| scale * v).collect::<Vec<_>>()));
@@ -211,7 +211,7 @@ fn additive_under_subdivision() {
             continue;
         }
         let halves = |v: &[DVec3]| {
-            // The rounding of this corner is all that is not exact.
+            // The rounding of this corner is the only error.
             let middle = 0.5 * (v[0] + v[1]);
             [[v[0], middle, v[2]], [middle, v[1], v[2]]].map(|half| PreparedPolygon::new(&half))
         };
@@ -227,7 +227,7 @@ fn additive_under_subdivision() {
     assert!(n_cases > 20);
 }
 
-/// Asserts that each face of a closed convex room sees nothing but the others: Σ_j A_i F_ij = A_i.
+/// Asserts that each face of a closed convex room sees only the others: Σ_j A_i F_ij = A_i.
 fn assert_closed(faces: &[Vec<DVec3>], tolerance: f64) {
     let faces: Vec<PreparedPolygon> = faces.iter().map(|face| PreparedPolygon::new(face)).collect();
     for face in &faces {
@@ -294,7 +294,7 @@ fn ring(random: &mut Random, n: u32) -> Vec<DVec3> {
 fn rows_of_random_polyhedra_sum_to_one() {
     let mut random = Random::new(4);
     for trial in 0..150 {
-        // Some so flat that opposite faces nearly touch and neighbours are nearly coplanar; what they lose is the corners' rounding.
+        // Some so flat that opposite faces nearly touch and neighbours are nearly coplanar; their error is the corners' rounding.
         let [height, other, ..] = random.numbers();
         let (flat, tolerance) = [(1.0, 5e-15), (0.1, 2e-14), (1e-3, 1e-13)][trial % 3];
         let turn = random.rotation();

@@ -50,14 +50,14 @@ impl Grid {
 /// Two grids whose cells all have a closed form with one another.
 pub(crate) struct GridPair {
     position: Position,
-    /// Which axis of each grid runs along the common direction (of parallel grids: along the first's first axis).
+    /// The axis of each grid that runs along the common direction (of parallel grids: along the first's first axis).
     common_axes: [usize; 2],
     /// The lines of the first and of the second grid along the common direction, then those along their other axes; in diameters of both grids.
     lines: [Vec<f64>; 4],
     /// −1 where an odd number of these lists descends.
     sign: f64,
     diameter: f64,
-    /// How far corners of the second grid are from where these lists have them, in m.
+    /// The greatest distance of corners of the second grid from these lists, in m.
     misplaced: f64,
 }
 
@@ -73,7 +73,7 @@ impl GridPair {
     /// Returns `None` where edges are not parallel, or where the fronts of parallel grids do not face each other.
     pub(crate) fn new(from: &Grid, to: &Grid) -> Option<Self> {
         let frame = [from.axes[0], from.axes[1], from.normal()];
-        // Which axis of the frame each axis of the second grid and its normal runs along.
+        // The axis of the frame along which each axis of the second grid and its normal runs.
         let along = |v: DVec3| {
             let mut large = (0..3).filter(|&k| frame[k].dot(v).abs() > ANGLE_TOLERANCE);
             large.next().filter(|_| large.next().is_none())
@@ -106,7 +106,7 @@ impl GridPair {
             }
             Position::Parallel(level / diameter)
         } else {
-            // What lies behind the other's plane is cut off.
+            // The part behind the other's plane is cut off.
             for x in &mut lines[2] {
                 *x = (faces * (*x - level)).max(0.0);
             }
@@ -124,7 +124,7 @@ impl GridPair {
                 *line /= diameter;
             }
         }
-        // The frame's axes are those of the first grid: the second's own directions differ by rounding, or by a little more.
+        // The frame's axes are those of the first grid; the second's own directions differ by rounding, or by a little more.
         let off = |k: usize, v: DVec3| v - frame[k] * frame[k].dot(v).signum();
         let reach = |axis: usize| to.lines[axis].iter().fold(0.0_f64, |m, line| m.max(line.abs()));
         let misplaced = (0..2)
@@ -140,7 +140,7 @@ impl GridPair {
         })
     }
 
-    /// Returns the bound of the absolute error of every pair, in m²: the sums' rounding, and what moves a corner by up to `off` m.
+    /// Returns the bound of the absolute error of every pair, in m²: the sums' rounding, and the effect of corners that are off by up to `off` m.
     ///
     /// The first part is that of [`rectangle_exchange_area`](super::rectangle_exchange_area) with both grids' diameter. A contour that is moved by δ changes an
     /// exchange area by less than δ times its length, because the form factor from any point of it is at most 1; `perimeters` are those of the largest cells.
@@ -154,7 +154,7 @@ impl GridPair {
     /// A₁F₁₂ = 1/(2π) Δ_a Δ_b Δ_c Δ_d C, differences along the four lists of lines, with
     /// C = (u² − d²)/4 ln(u² + d²) + d u atan(u/d) for perpendicular grids, u = a − b and d² = c² + d²;
     /// C = −h²/2 ln(u² + v² + h²) + u √(v² + h²) atan(u/√(v² + h²)) + v √(u² + h²) atan(v/√(u² + h²)) for parallel ones at the distance h, v = c − d.
-    /// That is G of the closed form without what cancels in the differences.
+    /// That is G of the closed form without the terms that cancel in the differences.
     pub(crate) fn for_each(&self, mut emit: impl FnMut([usize; 2], [usize; 2], f64)) {
         let [a, b, c, d] = &self.lines;
         let [n_b, n_c, n_d] = [b, c, d].map(|lines| lines.len() - 1);
@@ -198,7 +198,7 @@ struct Corners {
     position: Position,
     /// c² + d², or v² + h² of parallel grids.
     squared: Vec<f64>,
-    /// The roots of these.
+    /// The square roots of these.
     root: Vec<f64>,
     /// v of parallel grids.
     across: Vec<f64>,
@@ -272,7 +272,9 @@ impl WithSimd for Evaluation<'_> {
     }
 }
 
-/// Returns ln x for a normal x > 0 with an error below 3e-16 (1 + |ln x|), and for 0 some finite number; without branches, so that the compiler can use vectors.
+/// Returns ln x for a normal x > 0 with an error below 3e-16 (1 + |ln x|), and for 0 some finite number.
+///
+/// It has no branches, so that the compiler can use vectors.
 #[inline(always)]
 fn ln(x: f64) -> f64 {
     /// The bits of √½: mantissas from there to √2 make 1.
@@ -280,7 +282,7 @@ fn ln(x: f64) -> f64 {
     const ONE: u64 = 1023 << 52;
     /// 2⁵² + 2⁵¹, to whose bits a small integer is added to make it a number.
     const MAGIC: f64 = 6_755_399_441_055_744.0;
-    /// 2/(2k + 1), highest first: the series of 2 artanh f in f², up to f² = 0.0295; what is left out is below 3e-18.
+    /// 2/(2k + 1), highest first: the series of 2 artanh f in f², up to f² = 0.0295; the omitted part is below 3e-18.
     const SERIES: [f64; 10] = [
         2.0 / 21.0,
         2.0 / 19.0,
@@ -363,7 +365,7 @@ mod tests {
         }
     }
 
-    /// Returns the greatest error in units of the bound, and how many pairs see each other.
+    /// Returns the greatest error in units of the bound, and the number of pairs that see each other.
     fn compare(from: &Grid, to: &Grid) -> (f64, usize) {
         let pair = GridPair::new(from, to).unwrap();
         let bound = pair.error(0.0, [0.0; 2]);

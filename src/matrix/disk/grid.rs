@@ -57,7 +57,7 @@ pub(in crate::matrix) fn squares<T: Scalar>(
     for i in rows.clone() {
         for &entry in tile.row(i - rows.start) {
             let (value, std_error) = rounded::<T>(i, entry, n)?;
-            // What is too small for the precision is left out.
+            // A value that is 0 in the precision is left out.
             if !is_zero(value.to_f64()) || std_error > 0.0 {
                 tiles[entry.0 as usize / SIDE].push((i, entry.0, value, std_error));
             }
@@ -93,7 +93,7 @@ impl<T: Scalar> Grid<T> {
 impl<T: Scalar> Backend for Grid<T> {
     fn for_each(&self, i: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
         let (own, row) = (i / SIDE, i % SIDE);
-        // A single place is not worth a band.
+        // A single block is not worth a band.
         let single = (columns.len() == 1).then_some(columns.start / SIDE);
         let first_block = single.unwrap_or(0);
         let mut work = |tiles: &[Square<T>]| {

@@ -1,7 +1,7 @@
 //! Matrices on a disk: tiles of 64 by 64 places in a scratch file, read back with positioned reads.
 //!
-//! The file has no name from the start, so nothing is left of it when the process ends, however that happens. What says where each
-//! tile lies, how long it is, and which checksum it has, stays in memory: 32 bytes for up to 4096 entries. Of a row of tiles the
+//! The file has no name from the start, so that it is gone when the process ends for any reason. The position,
+//! length and checksum of each tile stay in memory: 32 bytes for up to 4096 entries. In a row of tiles the
 //! numbers come first and the standard errors after them, so that a pass reads numbers alone.
 
 mod grid;

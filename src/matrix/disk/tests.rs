@@ -49,7 +49,7 @@ fn damage_to_any_byte_is_noticed() {
             })
         };
         read_all().unwrap();
-        // Every byte of the sparse file; of the dense one a prime step meets all kinds of places.
+        // Every byte of the sparse file; of the dense one a prime step meets all kinds of bytes.
         let step = if layout == Layout::Dense { 7 } else { 1 };
         for at in (0..file.n_byte()).step_by(step) {
             let mut byte = [0];

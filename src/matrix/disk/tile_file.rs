@@ -12,7 +12,7 @@ use crate::matrix::kernel::scalar::Scalar;
 use crate::matrix::kernel::sizes::SIDE;
 use crate::matrix::square::{Form, Square};
 
-/// Bytes that are written or read at once: enough that the call does not count, and little enough to stay in the second-level cache.
+/// Bytes that are written or read at once: enough to hide the call, and few enough to stay in the second-level cache.
 const STRIP_BYTE: u64 = 1 << 20;
 
 /// Square tiles in rows: all of them, or those on and above the diagonal.
@@ -33,7 +33,7 @@ pub(in crate::matrix) struct TileFile<T> {
     bands: Bands<T>,
 }
 
-/// Where a tile lies in the file, and what its bytes must be.
+/// The position of a tile in the file, and the form and checksum of its bytes.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
     numbers: u64,
@@ -51,7 +51,7 @@ pub(in crate::matrix) enum Part {
     All,
 }
 
-/// Which tiles: those that hold the rows, or the columns, 64 K to 64 K + 63.
+/// A band of tiles: those that hold the rows, or the columns, 64 K to 64 K + 63.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::matrix) enum Band {
     /// Of a triangle: the tiles (0, K) to (K, K), then (K, K + 1) to the end. By symmetry they hold the rows.
@@ -70,7 +70,7 @@ struct Bands<T> {
     slots: Mutex<Vec<Option<Kept<T>>>>,
 }
 
-/// A band with what is known of its tiles.
+/// A band with the part of its tiles that was read.
 type Kept<T> = (Band, Part, Vec<Square<T>>);
 
 impl<T> Default for Bands<T> {
@@ -82,7 +82,7 @@ impl<T> Default for Bands<T> {
 
 impl<T> Bands<T> {
     fn exchange(&self, put: Option<Kept<T>>) -> Option<Kept<T>> {
-        // A thread keeps its place, so that it finds what it has read.
+        // A thread keeps its slot, so that it finds the band that it has read.
         let own = rayon::current_thread_index().map_or(0, |index| index + 1);
         let mut slots = self.slots.lock().unwrap_or_else(PoisonError::into_inner);
         if slots.len() <= own {
@@ -136,7 +136,7 @@ impl<T: Scalar> TileFile<T> {
         Ok(())
     }
 
-    /// Writes what `push` makes of each tile, and tells `note` the tile's number in the row, where its bytes begin, and their checksum.
+    /// Writes the bytes that `push` makes of each tile, and calls `note` with the tile's number in the row, the position of its bytes, and their checksum.
     fn push_part(
         &mut self,
         tiles: &[Square<T>],
@@ -179,7 +179,7 @@ impl<T: Scalar> TileFile<T> {
         self.n.div_ceil(SIDE)
     }
 
-    /// Returns the columns of tiles that a row of tiles has.
+    /// Returns the columns of tiles in a row of tiles.
     pub(in crate::matrix) fn columns(&self, row: usize) -> Range<usize> {
         let first = if self.triangle { row } else { 0 };
         first..self.n_blocks()
@@ -253,7 +253,7 @@ impl<T: Scalar> TileFile<T> {
         Ok(tiles)
     }
 
-    /// Returns what `work` makes of the tiles of a band.
+    /// Returns the result of `work` for the tiles of a band.
     pub(in crate::matrix) fn with_band<R>(
         &self,
         band: Band,
@@ -261,7 +261,7 @@ impl<T: Scalar> TileFile<T> {
         work: impl FnOnce(&[Square<T>]) -> R,
     ) -> Result<R, DiskError> {
         let fits = |kept: &Kept<T>| kept.0 == band && (kept.1 == part || kept.1 == Part::All);
-        // What is of no use is dropped before more is read.
+        // A band of no use is dropped before more is read.
         let kept = match self.bands.exchange(None).filter(fits) {
             Some(kept) => kept,
             None => (band, part, self.read_band(band, part)?),
@@ -311,12 +311,12 @@ impl<T: Scalar> TileFile<T> {
         SIDE.min(self.n - block * SIDE)
     }
 
-    /// Returns what was asked for, or keeps the error: the first one stays.
+    /// Returns the value of a result, or stores its error if that is the first one.
     pub(in crate::matrix) fn note<R>(&self, result: Result<R, DiskError>) -> Option<R> {
         result.map_err(|error| self.failure.get_or_init(|| error)).ok()
     }
 
-    /// Returns what went wrong first.
+    /// Returns the first failure.
     pub(in crate::matrix) fn failure(&self) -> Option<&DiskError> {
         self.failure.get()
     }

@@ -5,11 +5,14 @@ use std::ops::{Deref, DerefMut};
 /// The size of a cache line, and of the widest registers.
 pub(in crate::matrix) const LINE_BYTE: usize = 64;
 
-/// The distance at which addresses alias in a processor's check of reads against recent writes: a read this many bytes, or a multiple, from a write waits for it.
+/// The distance in bytes at which addresses alias in a processor's check of reads against recent writes.
+///
+/// A read at this distance from a write, or at a multiple, waits for it.
 const PAGE_BYTE: usize = 4096;
 
-/// Returns the least distance of slices of at least `n_values` numbers in f64, all of which are read and written at the same place by turns: a whole number of cache lines, and a third of
-/// [`PAGE_BYTE`] beyond a multiple of that, since there are mostly three. With a multiple of it passes of three channels took twice as long on Zen 4, not always.
+/// Returns the least distance of slices of at least `n_values` numbers in f64 that are read and written at the same place by turns.
+///
+/// It is a whole number of cache lines, and a third of [`PAGE_BYTE`] beyond a multiple of that, since there are mostly three slices. With a multiple of it passes of three channels took twice as long on Zen 4, not always.
 pub(in crate::matrix) const fn apart(n_values: usize) -> usize {
     let page = PAGE_BYTE / size_of::<f64>();
     let beyond = (page / 3).next_multiple_of(LINE_BYTE / size_of::<f64>());
@@ -21,7 +24,7 @@ pub(in crate::matrix) const fn apart(n_values: usize) -> usize {
 #[derive(Debug)]
 pub(crate) struct Aligned<T> {
     values: Vec<T>,
-    /// Where the slice begins.
+    /// The first value of the slice.
     first: usize,
     n_values: usize,
 }

@@ -1,4 +1,4 @@
-//! The numbers of a row of a matrix that a solver makes for itself, in f64 or rounded to f32.
+//! The numbers of a row of a matrix that a solver makes for its own use, in f64 or rounded to f32.
 
 #![expect(
     clippy::shadow_unrelated,
@@ -14,7 +14,7 @@ use super::lanes::{InnerLoop, add_row, ahead_byte, dispatch, dot};
 use super::prefetch::prefetch;
 use super::scalar::Scalar;
 
-/// Rows that are multiplied at a time, so that their sums do not wait for one another.
+/// Rows that are multiplied at a time, so that their sums are independent.
 pub(crate) const ROWS_AT_ONCE: usize = 4;
 
 /// Numbers below which choosing an instruction set takes longer than adding up.
@@ -22,9 +22,9 @@ const SHORT: usize = 32;
 
 /// Numbers that are multiplied with vectors of f64.
 pub(crate) enum Coefficients {
-    /// As they are.
+    /// Unrounded.
     Double(Aligned<f64>),
-    /// Rounded, each by at most 6e-8 of itself, or 1e-45: half of the memory, and of what a product reads.
+    /// Rounded, each by at most 6e-8 of itself, or 1e-45: half of the memory and of the data of a product.
     Single(Aligned<f32>),
 }
 
@@ -45,7 +45,7 @@ impl Coefficients {
         }
     }
 
-    /// Returns a number, or `None` where there is none.
+    /// Returns a number, or `None` beyond the last.
     pub(crate) fn get(&self, at: usize) -> Option<f64> {
         match self {
             Self::Double(values) => values.get(at).copied(),
@@ -88,7 +88,7 @@ impl Coefficients {
     }
 }
 
-/// Returns Σ a x of each row from one of its numbers on, which meets the first x, in less time than one by one.
+/// Returns Σ a x of each row, from one of its numbers on, which meets the first x, in less time than one by one.
 pub(crate) fn products(rows: [(&Coefficients, usize); ROWS_AT_ONCE], x: &[f64]) -> [f64; ROWS_AT_ONCE] {
     let mut sums = [0.0; ROWS_AT_ONCE];
     let double = rows.map(|(row, first)| match row {
@@ -131,7 +131,7 @@ fn product<T: Scalar>(a: &[T], x: &[f64]) -> f64 {
     sum[0]
 }
 
-/// Returns Σ a x in sums that do not wait for one another.
+/// Returns Σ a x in independent partial sums.
 fn short_product<T: Scalar>(a: &[T], x: &[f64]) -> f64 {
     const N: usize = 4;
     let ((a, a_rest), (x, x_rest)) = (a.as_chunks::<N>(), x.as_chunks::<N>());

@@ -1,4 +1,4 @@
-//! Numbers put where bits say, with zeros between them: the row of a strip from its entries.
+//! Numbers put at the set bits of a mask, with zeros between them: the row of a strip from its entries.
 
 #![expect(
     clippy::inline_always,

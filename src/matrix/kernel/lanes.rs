@@ -1,7 +1,7 @@
 //! The inner loops over dense numbers, compiled for several instruction sets, of which the best is chosen at run time.
 //!
 //! Every sum is kept in [`LANES`] partial sums, whatever the width of the registers, and every product is added with one rounding
-//! (a fused multiply-add): the result is the same bytes on all processors. Those without such an instruction, older than 2013,
+//! (a fused multiply-add): the result is the same bytes on all processors. Processors without such an instruction, older than 2013,
 //! take much longer.
 
 #![expect(
@@ -27,7 +27,7 @@ pub(in crate::matrix) fn total(lanes: &Lanes) -> f64 {
     ((a + e) + (c + g)) + ((b + f) + (d + h))
 }
 
-/// [`Lanes`] in N registers. Explicit, because the compiler gives up on loops over many arrays of lanes.
+/// [`Lanes`] in N registers; they are explicit, because the compiler gives up on loops over many arrays of lanes.
 #[derive(Clone, Copy)]
 pub(in crate::matrix) struct Wide<S: Simd, const N: usize>([S::f64s; N]);
 
@@ -151,10 +151,10 @@ impl<T: Scalar, const C: usize> Rows<'_, T, C> {
     }
 }
 
-/// Returns the bytes between the numbers of a row that are used and those that are asked for, where so many rows are read at once.
+/// Returns the distance in bytes at which numbers of a row are prefetched, where so many rows are read at once.
 ///
-/// A row by itself, as in sweeps, is followed by the next: what is asked for lies mostly there. Fewer bytes slow sweeps over matrices of
-/// the size of the third-level cache down, and more gain nothing.
+/// A row by itself, as in sweeps, is followed by the next, where the prefetched bytes mostly are. Fewer bytes slow sweeps down over matrices of
+/// the size of the third-level cache, and more gain nothing.
 pub(in crate::matrix) const fn ahead_byte(n_rows: usize) -> usize {
     if n_rows == 1 { 8192 } else { 2048 }
 }
@@ -162,9 +162,9 @@ pub(in crate::matrix) const fn ahead_byte(n_rows: usize) -> usize {
 /// Registers' worth of columns in a step: a cache line of f32.
 const STEP: usize = 2;
 
-/// Writes out what is to be done for each number below one of at most eight that is known when it is compiled.
+/// Unrolls a loop over the numbers below one of at most eight that is known at compile time.
 ///
-/// A loop is unrolled too, but where the compiler finds it too long it does so too late to keep the sums in registers: three channels then took 1.7 of the time of one.
+/// The compiler unrolls a loop too, but one that it finds too long so late that the sums leave the registers: three channels then took 1.7 of the time of one.
 macro_rules! unrolled {
     ($i:ident < $n:expr, $body:block) => {
         const { assert!($n <= 8, "no more are written out") }
@@ -354,7 +354,7 @@ pub(in crate::matrix) mod tests {
         (0..n).map(|k| (((k + seed) * 7919) % 1009) as f64 / 1009.0).collect()
     }
 
-    /// The sum that is promised, written out.
+    /// The documented sum, written out.
     fn by_hand(values: &[f64], x: &[f64]) -> f64 {
         let mut lanes = [0.0; LANES];
         for (k, (a, x)) in values.iter().zip(x).enumerate() {

@@ -1,4 +1,4 @@
-//! A block of vectors as the inner loops want it.
+//! A block of vectors in the layout of the inner loops.
 
 use std::sync::OnceLock;
 
@@ -12,7 +12,7 @@ use crate::matrix::operator::Block;
 pub(in crate::matrix) struct Planes {
     n_rows: usize,
     values: Aligned<f64>,
-    /// The same row by row, four channels at a time, where that has been asked for.
+    /// The same row by row, four channels at a time, once it has been read.
     fours: OnceLock<Vec<Aligned<f64>>>,
 }
 
@@ -34,7 +34,7 @@ impl Planes {
         self.n_rows.next_multiple_of(SIDE)
     }
 
-    /// Returns from one plane to the next.
+    /// Returns the distance from one plane to the next.
     fn distance(&self) -> usize {
         apart(self.n_padded())
     }

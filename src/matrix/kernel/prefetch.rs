@@ -1,10 +1,11 @@
-//! Asking for memory before it is needed.
+//! Prefetching of memory before it is needed.
 
 #![expect(clippy::inline_always, reason = "a call takes as long as what it asks for")]
 
-/// Prefetches the cache line that holds number `at` of `values`, which may lie beyond their end: it is on its way to the second-level cache while other work is done.
+/// Prefetches the cache line of number `at` of `values`, which may be beyond their end, into the second-level cache.
 ///
-/// Not to the first-level cache, where it would take the place of the vectors: on Zen 4, passes over rows with three channels took 1.6 times as long that way. No more than a hint, and none on processors other than those of x86-64.
+/// In the first-level cache it would take the place of the vectors: on Zen 4, passes over rows with three channels took 1.6 times as long that way.
+/// It is only a hint, and does nothing on processors other than those of x86-64.
 #[inline(always)]
 pub(in crate::matrix) fn prefetch<T>(values: &[T], at: usize) {
     #[cfg(target_arch = "x86_64")]

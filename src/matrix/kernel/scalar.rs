@@ -1,4 +1,4 @@
-//! A number as it is stored, and what of it the instruction set does.
+//! A number as it is stored, and the operations on it that depend on the instruction set.
 
 #![expect(
     clippy::inline_always,
@@ -25,7 +25,7 @@ pub(in crate::matrix) trait Scalar: Copy + Send + Sync + Debug + 'static {
     fn from_f64(value: f64) -> Self;
     /// Returns the number; exact.
     fn to_f64(self) -> f64;
-    /// Calls `then` with the numbers as f64: those that are f64 where they are, since a copy of them would go through memory.
+    /// Calls `then` with the numbers as f64; f64 numbers are not copied, since a copy would go through memory.
     fn with_widened<R>(numbers: &[Self; LANES], then: impl FnOnce(&Lanes) -> R) -> R;
     /// Appends numbers as bytes of this machine.
     fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>);
@@ -110,8 +110,8 @@ impl Scalar for f32 {
 
 /// With AVX-512, which has an instruction for it.
 ///
-/// Numbers are put into a register of zeros that the compiler does not know to be zeros. If it did, it would take the form of the instruction that makes zeros itself, which on Zen 4
-/// waits for what its register held before, most often the row before: 17 cycles a row in place of 7.
+/// Numbers are put into a register of zeros whose values are hidden from the compiler. Otherwise it would use the form of the instruction that makes zeros itself, which on Zen 4
+/// waits for the former value of its register, most often the row before: 17 cycles a row in place of 7.
 #[cfg(target_arch = "x86_64")]
 #[derive(Clone, Copy)]
 pub(in crate::matrix) struct WithV4 {
@@ -128,7 +128,7 @@ impl WithV4 {
     }
 }
 
-/// Rounds an entry of row `row` to what is stored, and refuses what is not a usable number there.
+/// Rounds an entry of row `row` to the stored precision, and refuses a number that is not usable there.
 pub(in crate::matrix) fn rounded<T: Scalar>(
     row: usize,
     (column, value, std_error): Entry,

@@ -1,4 +1,4 @@
-//! Slices that lie one behind the other in memory that they share.
+//! Slices that follow one another in shared memory.
 
 use std::ops::Deref;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use std::sync::Arc;
 /// A sequential read is faster from one piece of memory than from many: a processor prefetches the bytes behind it.
 #[derive(Clone, Debug)]
 pub(in crate::matrix) struct Shared<T> {
-    /// Not behind a pointer to a pointer: sweeps wait for each.
+    /// Without a second pointer: sweeps would wait for each.
     all: Arc<[T]>,
     first: usize,
     n_values: usize,
@@ -50,7 +50,7 @@ impl<T: Clone> Shared<T> {
 }
 
 impl<T> Shared<T> {
-    /// Returns the slice with all that lies behind it.
+    /// Returns the slice with all values behind it.
     #[expect(
         clippy::inline_always,
         reason = "what is not inlined is not compiled for the instruction set"

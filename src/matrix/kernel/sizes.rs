@@ -1,9 +1,10 @@
-//! Sizes that layouts and inner loops share: of tiles, strips and partial sums.
+//! Sizes of tiles, strips and partial sums, which layouts and inner loops share.
 
 use std::ops::Range;
 
-/// Rows and columns of a tile: 32 KiB in f64, so that a tile and the vectors that it meets stay in the second-level cache, and
-/// the rows of a strip are the bits of a word.
+/// The number of rows and of columns of a tile.
+///
+/// It takes 32 KiB in f64, so that a tile and the vectors that it meets stay in the second-level cache, and the rows of a strip are the bits of a word.
 pub(in crate::matrix) const SIDE: usize = 64;
 
 /// Partial sums of each sum: one register of AVX-512, two of AVX2, four of SSE2.
@@ -15,7 +16,7 @@ pub(in crate::matrix) type Lanes = [f64; LANES];
 /// Channels that a loop over dense numbers takes at once: as many as the registers of AVX-512 hold sums for.
 pub(in crate::matrix) const CHANNELS_AT_ONCE: usize = 3;
 
-/// Columns of a strip: what finding its rows takes is shared by two registers' worth of entries.
+/// Columns of a strip: the cost of finding its rows is shared by two registers' worth of entries.
 pub(in crate::matrix) const STRIP: usize = 2 * LANES;
 
 /// Channels that loops over listed entries take at once: with four an entry takes as many instructions as with one.

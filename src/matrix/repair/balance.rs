@@ -16,14 +16,16 @@ use crate::matrix::symmetric;
 use crate::matrix::tile::{RowTally, RowTile, index};
 use crate::matrix::transpose::{Pair, RowBlock};
 
-/// How much each of the two estimates of an exchange area, A_i F_ij and A_j F_ji, counts in their mean.
+/// The weights of the two estimates of an exchange area, A_i F_ij and A_j F_ji, in their mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Weighting {
     /// Each counts half.
     Plain,
-    /// Each counts by the inverse of its variance. Between two rows of rays the variances are a A_i / N_i and a A_j / N_j
-    /// for the same true exchange area a (up to 1 − F), so the weights are N_i / A_i and N_j / A_j: taken from the counts
-    /// themselves they would favour the estimate that happens to be smaller. Otherwise the standard errors give them,
+    /// Each counts by the inverse of its variance.
+    ///
+    /// Between two rows of rays the variances are a A_i / N_i and a A_j / N_j
+    /// for the same true exchange area a (up to 1 − F), so the weights are N_i / A_i and N_j / A_j: weights from the counts
+    /// themselves would favour the estimate that happens to be smaller. Otherwise the weights are those of the standard errors,
     /// where both are known; where not, each counts half.
     #[default]
     InverseVariance,
@@ -43,21 +45,21 @@ pub struct BalanceReport {
     pub converged: bool,
 }
 
-/// How much each of two estimates of one exchange area counts.
+/// The weights of two estimates of one exchange area.
 #[derive(Clone, Copy)]
 enum Weights {
     /// Each counts half.
     Equal,
-    /// By these weights, of the rays.
+    /// With these weights, by the rays.
     Rays(f64, f64),
-    /// By their standard errors where both are known, half where not.
+    /// By their standard errors where both are known; otherwise each counts half.
     Errors,
 }
 
-/// A factor d_i beyond all use: no scaling exists, and the factors would go on to infinity and zero.
+/// The size of a factor d_i at which no scaling exists: the factors would go on to infinity and zero.
 const RUNAWAY_FROM: f64 = 1e100;
 
-/// Refuses row sums that no matrix of form factors has.
+/// Refuses row sums that form factors cannot have.
 pub(in crate::matrix) fn expect_targets(targets: &RowTargets) -> Result<(), MatrixError> {
     for numbers in [&targets.sums, &targets.lost] {
         if let Some(row) = numbers.iter().position(|t| !(t.is_finite() && *t >= 0.0)) {
@@ -72,8 +74,8 @@ impl FormFactors {
     /// Returns form factors with symmetric exchange areas: the weighted mean of A_i F_ij and A_j F_ji.
     ///
     /// a_ij = w A_i F_ij + (1 − w) A_j F_ji, symmetric to the last bit; its standard error is that of independent
-    /// estimates. A matrix that is symmetric already is returned as it is. Row sums change: on noisy form factors follow it
-    /// with [`balanced`](Self::balanced), without which the radiosities of a bright room get worse, not better.
+    /// estimates. A matrix that is symmetric already is returned unchanged. Row sums change: on noisy form factors call
+    /// [`balanced`](Self::balanced) next, without which the radiosities of a bright room get worse.
     /// Source: weighted least squares. Departures: none.
     ///
     /// # Errors
@@ -128,18 +130,18 @@ impl FormFactors {
 
     /// Returns form factors whose rows sum to `targets`, by a symmetric scaling of the exchange areas.
     ///
-    /// a'_ij = d_i d_j a_ij with d such that Σ_j a'_ij + d_i A_i lost_i = A_i sum_i. Reciprocity is kept to the last bit, entries that
-    /// are zero stay zero, and standard errors are scaled along where that makes them greater: no scaling makes a number better known than it was. The step that an entry makes is added
-    /// to its error, as what it was may have been right: what is off in a row is often one entry alone.
-    /// Every pass replaces d_i by d_i sqrt(sum_i / row sum_i). In a cube the error halves with every pass: 33 passes to 1e-12, whether it has 384 patches or 6144.
+    /// a'_ij = d_i d_j a_ij with d such that Σ_j a'_ij + d_i A_i lost_i = A_i sum_i. Reciprocity is kept to the last bit, and entries that
+    /// are zero stay zero. Standard errors are scaled where that makes them greater, as a scaling does not make a number more accurate. The step of an entry is added
+    /// to its error, as the former value may have been right: the error of a row is often that of one entry alone.
+    /// Every pass replaces d_i by d_i sqrt(sum_i / row sum_i). In a cube the error halves with every pass: 33 passes to 1e-12, for 384 patches and for 6144.
     ///
-    /// The loss of a row is scaled like its entries, as one more column, of a sky that has no row of its own to keep a sum. In an open scene a row's loss is a
-    /// count of its own rays and no better than its entries, which by then rest on the rays of both ends; held to the loss as it was counted, a patch that missed a
-    /// small one with all of its rays would see nothing at all, and the other's hits would be lost with its misses. That sum and loss together are 1 is geometry, and holds exactly.
-    /// Where losses are positive such a d always exists. Rows that nothing is known to escape from have the loss 0, and sums that are met as they are given.
+    /// The loss of a row is scaled like its entries, as one more column, of a sky without a row whose sum is to be kept. In an open scene a row's loss is a
+    /// count of its own rays and no better than its entries, which by then rest on the rays of both ends. With the loss fixed as it was counted, a patch that missed a
+    /// small one with all of its rays would see nothing at all, and the other's hits would be lost with its misses. Sum and loss together are exactly 1 by geometry.
+    /// Where losses are positive such a d always exists. Rows without a known loss have the loss 0, and sums that are met exactly.
     ///
-    /// Stops when every row sum is within `tolerance` of its target, after `max_passes` (at least one), or when a factor
-    /// runs away; the result is then the best one met, and the report says so. Rows that see nothing stay empty.
+    /// It stops when every row sum is within `tolerance` of its target, after `max_passes` (at least one), or when a factor
+    /// runs away; the result is then the best one found, and the report states its error. Rows that see nothing stay empty.
     /// Without losses such a d exists if the zeros allow it: two patches that see only each other cannot both have the sum 1 unless their
     /// areas are equal.
     /// Source: Knight, Ruiz and Uçar 2014, "A symmetry preserving algorithm for matrix scaling", in the 1-norm.
@@ -168,7 +170,7 @@ impl FormFactors {
         Ok((self.with_exchange(self.entries.scaled(&scaling)?), report))
     }
 
-    /// Returns the best d met, and how good it is.
+    /// Returns the best d found, and its report.
     fn scaling(&self, targets: &RowTargets, tolerance: f64, max_passes: usize) -> (Vec<f64>, BalanceReport) {
         let n = self.n_rows();
         let mut scaling = Block::from_values(vec![1.0; n], 1);
@@ -211,10 +213,9 @@ impl FormFactors {
         (best_scaling, report)
     }
 
-    /// Returns the mean of A_i F_ij and A_j F_ji and its standard error, both divided by `area_max`. Swapping i and j
-    /// swaps terms of commutative operations only, so the result is the same to the last bit.
+    /// Returns the mean of A_i F_ij and A_j F_ji and its standard error, both divided by `area_max`.
     ///
-    /// `weights`: how much each counts.
+    /// Swapping i and j swaps terms of commutative operations only, so that the result is the same to the last bit.
     fn mean_exchange(&self, weights: Weights, area_max: f64, (i, j): (usize, usize), pair: &Pair) -> (f64, f64) {
         let (a_i, a_j) = (self.areas[i] / area_max, self.areas[j] / area_max);
         let (x, x_error) = (a_i * pair.there.0, a_i * pair.there.1);
@@ -233,7 +234,7 @@ impl FormFactors {
         (p * x + q * y, std_error)
     }
 
-    /// Returns form factors of other exchange areas between the same patches.
+    /// Returns form factors with other exchange areas between the same patches.
     pub(in crate::matrix) fn with_exchange(&self, exchange: Arc<dyn Backend>) -> Self {
         let mut factors = Self::of(self.areas.clone(), exchange, self.tallies.clone(), self.storage());
         factors.open = self.open.as_ref().map(Open::pooled);

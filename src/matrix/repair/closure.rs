@@ -9,18 +9,18 @@ use crate::matrix::form_factors::FormFactors;
 use crate::matrix::symmetric;
 use crate::matrix::tile::{RowTally, RowTile, index};
 
-/// Halvings of a step that does not bring the row sums nearer to their targets.
+/// The most halvings of a step that does not bring the row sums nearer to their targets.
 const MAX_HALVINGS: usize = 8;
 
 /// The unknowns of the dual problem: one multiplier per row, in units of 1 over the largest area.
 type Multipliers = Vec<f64>;
 
-/// An upper triangle of exchange areas with the variances that say how far each may move, in units of the largest area.
+/// An upper triangle of exchange areas with their variances, in units of the largest area; each moves in proportion to its variance.
 struct Problem<'a> {
     factors: &'a FormFactors,
     /// A_i, in units of the largest.
     areas: Vec<f64>,
-    /// The sums that the rows of exchange areas are to have, with what they lose.
+    /// The target sums of the rows of exchange areas, with their losses.
     targets: Vec<f64>,
     /// The loss of each row, with its variance.
     lost: Vec<(f64, f64)>,
@@ -28,18 +28,18 @@ struct Problem<'a> {
 }
 
 impl FormFactors {
-    /// Returns form factors whose rows sum to `targets`, each entry moved by as much as its own error lets it.
+    /// Returns form factors whose rows sum to `targets`, each entry moved in proportion to its own variance.
     ///
-    /// The exchange areas x_ij = x_ji ≥ 0 that minimise Σ_{i ≤ j} (x_ij − a_ij)² / s_ij² under Σ_j x_ij = A_i sum_i, with a_ij = A_i F_ij and s_ij its standard
-    /// error: x_ij = max(0, a_ij + s_ij² (λ_i + λ_j)). What a row loses is one more entry of it, with the variance that `targets` states. Entries without an error stay as they are, so that full and hidden pairs are not spoilt for the sake of partial
-    /// ones; reciprocity is kept to the last bit. The error of an entry becomes the step that it made, where that is greater than the error.
+    /// The exchange areas x_ij = x_ji ≥ 0 minimise Σ_{i ≤ j} (x_ij − a_ij)² / s_ij² under Σ_j x_ij = A_i sum_i, with a_ij = A_i F_ij and s_ij its standard
+    /// error: x_ij = max(0, a_ij + s_ij² (λ_i + λ_j)). The loss of a row is one more entry of it, with the variance in `targets`. Entries without an error stay unchanged, so that partial pairs do not spoil full and hidden
+    /// ones; reciprocity is kept to the last bit. The error of an entry becomes its step, where that is greater than the error.
     ///
-    /// The repair corrects the row sums; entries improve as far as their errors locate the defect. On form factors by counts
-    /// of rays, where an entry that was never hit has no error, take [`balanced`](Self::balanced).
+    /// The repair corrects the row sums; entries improve as far as their errors locate the defect. For form factors by counts
+    /// of rays, where an entry that was never hit has no error, use [`balanced`](Self::balanced).
     ///
-    /// λ is found by Newton's method on the dual problem, whose linear systems (a Laplacian with plus signs) are solved by conjugate gradients with the diagonal as preconditioner. Stops when every
-    /// row sum is within `tolerance` of its target, after `max_passes` passes over F, or when no step helps; the result is then the best one met, and
-    /// the report says so. Rows without any error keep their sums.
+    /// λ is found by Newton's method on the dual problem, whose linear systems (a Laplacian with plus signs) are solved by conjugate gradients with the diagonal as preconditioner.
+    /// It stops when every row sum is within `tolerance` of its target, after `max_passes` passes over F, or when no step helps; the result is then the best one found, and
+    /// the report states its error. Rows without any error keep their sums.
     ///
     /// Source: weighted least squares with its Karush-Kuhn-Tucker conditions. Departures: none.
     ///
@@ -113,7 +113,7 @@ impl Problem<'_> {
             .for_each_in_row(i, |j, value, error| visit(j, area * value, area * error));
     }
 
-    /// Visits what this rank stores of a row, be it its own or not.
+    /// Visits the entries of a row that this rank stores, its own row or not.
     fn for_each_stored(&self, i: usize, columns: Range<usize>, mut visit: impl FnMut(usize, f64, f64)) {
         let (area, factor) = (self.areas[i], self.factors.row_factor(i));
         self.factors.entries.for_each(i, columns, &mut |j, number, error| {
@@ -133,7 +133,7 @@ impl Problem<'_> {
         self.factors.numbers_of_rows(sum_of_row).into_flattened()
     }
 
-    /// Returns what each row of exchange areas lacks, and the most of it as a form factor, of those rows that can be `moved`.
+    /// Returns the missing part of each row of exchange areas, and the greatest as a form factor, of those rows that can be moved.
     fn defect(&mut self, multipliers: &[f64], can_move: &[bool]) -> (Vec<f64>, f64) {
         let mut defect = self.pass(|place, entry| moved(place, entry, multipliers).max(0.0));
         let mut worst: f64 = 0.0;
@@ -164,10 +164,10 @@ impl Problem<'_> {
         rows.map(|[sees, can_move]| (sees > 0.0, can_move > 0.0)).unzip()
     }
 
-    /// Returns the best multipliers met, and how good they are.
+    /// Returns the best multipliers found, and their report.
     fn solve(&mut self, tolerance: f64, max_passes: usize) -> (Multipliers, BalanceReport) {
         let mut best = vec![0.0; self.areas.len()];
-        // What a row without any error lacks stays as it is, and is not to hide what becomes of the others.
+        // The missing part of a row without any error stays, and must not hide the progress of the others.
         let (sees, can_move) = self.what_rows_have();
         let (mut defect, mut worst) = self.defect(&best, &can_move);
         while worst > tolerance && self.n_passes < max_passes {
@@ -216,7 +216,7 @@ impl Problem<'_> {
             let ratio = |(x, d): (&f64, &f64)| if *d > 0.0 { x / d } else { 0.0 };
             r.iter().zip(&diagonal).map(ratio).collect()
         };
-        // What a row without an error lacks, nothing can give it.
+        // The missing part of a row without an error cannot be supplied.
         let give = |(r, d): (&f64, &f64)| if *d > 0.0 { *r } else { 0.0 };
         let mut r: Vec<f64> = defect.iter().zip(&diagonal).map(give).collect();
         let mut z = scaled(&r);

@@ -1,4 +1,4 @@
-//! Repairs of form factors: reciprocity, row sums, and which of them which form factors need.
+//! Repairs of form factors: reciprocity, row sums, and the choice of a repair.
 
 mod balance;
 mod closure;

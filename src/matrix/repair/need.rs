@@ -20,7 +20,7 @@ pub enum Need {
     Symmetry,
 }
 
-/// How form factors were sampled, as far as repairs differ by it.
+/// The sampling of form factors, as far as repairs differ by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampling {
     /// Rows by a rule.
@@ -76,8 +76,8 @@ impl Default for Need {
 impl Need {
     /// Returns the repair that suits the need.
     ///
-    /// Errors of low-discrepancy rays beside each other in a row cancel, which no mean with the reverse rows keeps: either symmetric repair may leave a greater error of B than none, and
-    /// pooled rows hardly do. Random rays and noisy pairs have nothing to lose. Six scenes are in `docs/stated-errors.md`.
+    /// Errors of neighbouring low-discrepancy rays in a row cancel, which a mean with the reverse rows destroys: either symmetric repair may leave a greater error of B than none, and
+    /// pooled rows hardly do. Random rays and noisy pairs have no such cancellation. Six scenes are in `docs/stated-errors.md`.
     #[must_use]
     pub fn repair(self, sampling: Sampling) -> RepairKind {
         match (self, sampling) {

@@ -1,4 +1,4 @@
-//! The repair of rows of low-discrepancy rays: what the other patch's rays say, without giving up what rows know of themselves.
+//! The repair of rows of low-discrepancy rays: it adds the other patch's rays, and keeps the sums of the rows.
 
 use rayon::prelude::*;
 
@@ -9,25 +9,25 @@ use crate::matrix::kernel::sizes::{SIDE, block_rows};
 use crate::matrix::tile::{Entry, RowTile, index};
 use crate::matrix::transpose::{Pair, RowBlock};
 
-/// The variance of a row's own entries against that of independent rays, as far as it matters to Σ_j F_ij B_j.
+/// The variance of a row's own entries relative to that of independent rays, in its effect on Σ_j F_ij B_j.
 ///
-/// Errors of entries beside each other in a row of low-discrepancy rays cancel: a ray that a net sends to one of two neighbours is missing at the other. Those of the reverse entries, which
-/// come from as many other rows, do not. 0.3 gave the least error of B of 1, 0.3, 0.1, 0.03 and 0.01 over seven scenes.
+/// Errors of neighbouring entries in a row of low-discrepancy rays cancel: a ray that a net sends to one of two neighbours is missing at the other. Those of the reverse entries, which
+/// come from as many other rows, do not cancel. 0.3 gave the least error of B of 1, 0.3, 0.1, 0.03 and 0.01 over seven scenes.
 const OWN_VARIANCE: f64 = 0.3;
 
-/// Rows that are made at the same time, and no fewer blocks of them than there are threads.
+/// Rows that are computed at the same time, in at least as many blocks as there are threads.
 const AT_ONCE: usize = 2048;
 
 impl FormFactors {
     /// Returns form factors whose entries are means with their reverse ones, weighted by inverse variances, and whose rows keep their sums.
     ///
-    /// F'_ij = w F_ij + (1 − w) A_j F_ji / A_i with w = p_i / (p_i + p_j), p_i = N_i / (0.3 A_i) and p_j = N_j / A_j: the variances of both are A_i F_ij A_i / N_i and
-    /// A_i F_ij A_j / N_j but for the factor 0.3, by which a row of low-discrepancy rays is better known in sums of neighbouring entries than entry by entry. What a row then lacks of Σ_j F_ij, which
-    /// its own rays count to the last one, is shared out by the variances of its entries. Small patches are so found by their own rays, and patches of equal size keep most of their own
-    /// estimates. Rows without independent rays, and symmetric form factors, stay as they are.
+    /// F'_ij = w F_ij + (1 − w) A_j F_ji / A_i with w = p_i / (p_i + p_j), p_i = N_i / (0.3 A_i) and p_j = N_j / A_j. The variances of the two are A_i F_ij A_i / N_i and
+    /// A_i F_ij A_j / N_j but for the factor 0.3: a row of low-discrepancy rays is more accurate in sums of neighbouring entries than entry by entry. The part of Σ_j F_ij, a sum
+    /// that the row's own rays count exactly, that a row then misses is shared out by the variances of its entries. Small patches are so found by their own rays, and patches of equal size keep most of their own
+    /// estimates. Rows without independent rays, and symmetric form factors, stay unchanged.
     ///
-    /// Entries are not symmetric: A_i F_ij and A_j F_ji agree to the noise that is left.
-    /// Error of an entry: that of the mean of independent estimates, or the step that the row's sum makes, where that is greater.
+    /// Entries are not symmetric: A_i F_ij and A_j F_ji agree to the remaining noise.
+    /// Error of an entry: that of the mean of independent estimates, or the step by the row's sum, where that is greater.
     /// Source: weighted least squares. Departures: the factor 0.3 is measured.
     ///
     /// # Errors
@@ -87,7 +87,7 @@ impl FormFactors {
         };
         let ratio = self.areas[j] / self.areas[i];
         let reverse = ratio * pair.back.0;
-        // What no ray of one patch hit is off by the noise of a count of what the other's rays say.
+        // An entry that no ray of one patch hit has the noise of a count at the value of the other's rays.
         let noise = |k: usize, (found, stated): (f64, f64), other: f64| {
             if found > 0.0 {
                 stated
@@ -110,17 +110,17 @@ impl FormFactors {
     }
 }
 
-/// An entry before its row has its sum.
+/// An entry before the correction of its row's sum.
 #[derive(Clone, Copy)]
 struct Pooled {
     column: u32,
     value: f64,
     error: f64,
-    /// Its variance, up to a factor that all of the row share.
+    /// Its variance, up to a factor common to the row.
     variance: f64,
 }
 
-/// Returns entries with the sum `sum`: what they lack is shared out by their variances.
+/// Returns entries with the sum `sum`: the missing part is shared out by their variances.
 fn with_sum(list: &[Pooled], sum: f64) -> Vec<Entry> {
     let found: f64 = list.iter().map(|entry| entry.value).sum();
     let variance: f64 = list.iter().map(|entry| entry.variance).sum();
@@ -129,7 +129,7 @@ fn with_sum(list: &[Pooled], sum: f64) -> Vec<Entry> {
         .iter()
         .map(|entry| (entry.value + step * entry.variance).max(0.0))
         .collect();
-    // Where entries stop at zero, the others have too much, and rounding leaves some.
+    // Where entries stop at zero, the others are too large, and rounding leaves some.
     let total: f64 = moved.iter().sum();
     let scale = if total > 0.0 { sum / total } else { 1.0 };
     let entries = list.iter().zip(moved).map(|(entry, value)| {

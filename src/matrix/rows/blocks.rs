@@ -30,19 +30,19 @@ use crate::matrix::tile::RowTile;
 
 const _: () = assert!(SIDE.is_multiple_of(STRIP), "planes are filled up to whole blocks");
 
-/// A tile whose rows are blocks of [`STRIP`] columns: those that have an entry.
+/// A tile whose rows are stored as their blocks of [`STRIP`] columns with an entry.
 ///
-/// Memory: a number for each entry, 6 bytes for each block, and 16 for each row in each of [`Panels`]. A block takes the same few instructions, and no branch, whether one of its columns has an entry or all.
+/// Memory: a number for each entry, 6 bytes for each block, and 16 for each row in each of [`Panels`]. A block takes the same few instructions, and no branch, for any number of entries.
 #[derive(Debug)]
 pub(in crate::matrix) struct BlockTile<T> {
     panels: Panels,
-    /// Where each part of a row begins, and the last one ends.
+    /// The begin of each part of a row, and the end of the last.
     begins: Vec<Begin>,
     /// The first column of each block, by [`STRIP`].
     blocks: Vec<u32>,
     /// Bit k is set where column k of the block has an entry.
     masks: Vec<u16>,
-    /// Of all entries in order; [`STRIP`] zeros follow, so that as many as a block may have can always be read.
+    /// The numbers of all entries in order; [`STRIP`] zeros follow, so that the most entries of a block can always be read.
     numbers: Numbers<T>,
 }
 
@@ -58,17 +58,17 @@ struct Begin {
 struct Blocks<'a, T> {
     numbers: &'a [u32],
     masks: &'a [u16],
-    /// From the first entry on, and beyond the last one.
+    /// The values from the first entry on, and beyond the last one.
     values: &'a [T],
 }
 
-/// Returns how many blocks have the entries of a tile.
+/// Returns the number of blocks with entries of a tile.
 pub(in crate::matrix) fn count_blocks(tile: &RowTile) -> usize {
     let of_row = |k| tile.row(k).chunk_by(|a, b| block_of(a.0) == block_of(b.0)).count();
     (0..tile.n_rows()).map(of_row).sum()
 }
 
-/// Returns the number of the block that has a column.
+/// Returns the number of the block of a column.
 fn block_of(column: u32) -> u32 {
     column >> STRIP.trailing_zeros()
 }
@@ -123,7 +123,7 @@ impl<T: Scalar> BlockTile<T> {
         }
     }
 
-    /// Returns the parts of a row without the block that has a column, and that block, if there is one.
+    /// Returns the parts of a row without the block of a column, and that block, if there is one.
     fn parts_beside(&self, row: usize, column: usize) -> (impl Iterator<Item = Blocks<'_, T>>, Blocks<'_, T>) {
         let panel = self.panels.of(column);
         let [before, beside, behind] = self.part(panel, row).split(column);
@@ -138,7 +138,7 @@ impl<T: Scalar> BlockTile<T> {
 }
 
 impl<'a, T: Scalar> Blocks<'a, T> {
-    /// Returns the number of the first block from a column on, and how many entries are before it.
+    /// Returns the number of the first block from a column on, and the number of entries before it.
     fn find(&self, column: usize) -> (usize, usize) {
         let block = self
             .numbers
@@ -146,14 +146,14 @@ impl<'a, T: Scalar> Blocks<'a, T> {
         (block, count(&self.masks[..block]))
     }
 
-    /// Returns (column, number of the entry) of all entries from a block on, `first` entries being before it.
+    /// Returns (column, number of the entry) of all entries from a block on, with `first` entries before it.
     fn entries(self, (block, first): (usize, usize)) -> impl Iterator<Item = (usize, usize)> + 'a {
         let blocks = self.numbers[block..].iter().zip(&self.masks[block..]);
         let columns = blocks.flat_map(|(&number, &mask)| ones(mask.into()).map(move |k| number as usize * STRIP + k));
         columns.zip(first..)
     }
 
-    /// Returns what is before the block that has a column, that block, if there is one, and what is behind it.
+    /// Returns the blocks before the one of a column, that block, if there is one, and the blocks behind it.
     fn split(self, column: usize) -> [Self; 3] {
         let (block, _) = self.find(column);
         let part = |range: Range<usize>| Self {
@@ -169,7 +169,7 @@ impl<'a, T: Scalar> Blocks<'a, T> {
         [part(0..block), part(block..behind), part(behind..self.numbers.len())]
     }
 
-    /// Calls `add` with the number of each block and its row in full, zeros where there is no entry.
+    /// Calls `add` with the number of each block and its row in full, with zeros in place of missing entries.
     #[inline(always)]
     fn for_each(self, expander: impl Expander<T>, mut add: impl FnMut(usize, Row)) {
         let mut rest = self.values;
@@ -186,7 +186,7 @@ impl<'a, T: Scalar> Blocks<'a, T> {
     }
 }
 
-/// Returns how many bits are set.
+/// Returns the number of set bits.
 fn count(masks: &[u16]) -> usize {
     masks.iter().map(|mask| mask.count_ones() as usize).sum()
 }
@@ -198,16 +198,16 @@ fn total_of_halves(lanes: &[f64; STRIP]) -> f64 {
     low + high
 }
 
-/// Bytes between the numbers that are used and those that are asked for: what memory gives while it takes its time.
+/// The prefetch distance in bytes: the numbers that memory delivers in its latency.
 const AHEAD_BYTE: usize = 6144;
 
-/// Parts of rows between the one whose blocks are used and those that are asked for.
+/// The prefetch distance for blocks, in parts of rows.
 const PARTS_AHEAD: usize = 6;
 
-/// The least blocks that a part of a row has on average.
+/// The least average number of blocks of a part of a row.
 const BLOCKS_OF_PART: usize = 8;
 
-/// Rows that are taken in turn in each panel.
+/// Rows that are visited in turn in each panel.
 const ROWS_AT_ONCE: usize = 16;
 
 /// Registers' worth of columns in a block.
@@ -377,7 +377,7 @@ impl<T: Scalar, const C: usize> InnerLoop for Sweep<'_, T, C> {
 }
 
 impl<T: Scalar, const C: usize> Sweep<'_, T, C> {
-    /// Every sum is kept in as many partial sums as in [`Rows`], each channel as if it were alone; what shares a block with the diagonal comes last.
+    /// Every sum is kept in as many partial sums as in [`Rows`], each channel as if it were alone; the rest of the diagonal's block comes last.
     #[inline(always)]
     fn add(self, expander: impl Expander<T>) {
         let Self(tile, row, diagonal, x, sum, on_diagonal) = self;

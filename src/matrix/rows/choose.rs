@@ -11,7 +11,9 @@ use crate::matrix::error::MatrixError;
 use crate::matrix::kernel::scalar::Scalar;
 use crate::matrix::tile::RowTile;
 
-/// Entries in each block of sixteen columns that has any, on average, from which rows are stored in blocks. With four a pass takes 1.15 of the time of one over lists where the matrix is in memory and 1.4 in a cache, three
+/// The average number of entries, in each block of sixteen columns with any, from which on rows are stored in blocks.
+///
+/// With four a pass takes 1.15 of the time of one over lists where the matrix is in memory and 1.4 in a cache, three
 /// channels 1.45 and 1.3; with five 0.7 to 0.85 and 1.0, and 1.0 and 1.0 (f32, AVX-512; `cargo bench --bench matrix -- "sparse f32 rows" 1/4`, with 1536 for a cache).
 const BLOCKS_FROM: usize = 6;
 

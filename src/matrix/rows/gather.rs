@@ -3,7 +3,7 @@
 //! Several channels are taken four at a time: the channels of two rows of x fill one register, so that entries are loaded, widened
 //! and placed once for all of them, in hardly more instructions than for one channel.
 //!
-//! Places are checked at every access on purpose: without that the compiler gathers with one instruction for eight entries, which is
+//! Positions are checked at every access on purpose: without that the compiler gathers eight entries with one instruction, which is
 //! much slower on some processors with AVX-512 and hardly faster on others.
 
 #![expect(
@@ -51,13 +51,13 @@ pub(in crate::matrix) fn multiply_sparse_rows<T: Scalar>(rows: SparseRows<'_, T>
     }
 }
 
-/// Entries between those that are used and those that are asked for: what memory gives while it takes its time. Parts lie one behind the other.
+/// The prefetch distance in entries: those that memory delivers in its latency. Parts follow one another in memory.
 const AHEAD: usize = 1024;
 
-/// Rows that are taken in turn in each panel.
+/// Rows that are visited in turn in each panel.
 const ROWS_AT_ONCE: usize = 16;
 
-/// A part of a row of [`SparseRows`], eight entries at a time, and those that do not fill a chunk.
+/// A part of a row of [`SparseRows`], eight entries at a time, and the rest that does not fill a chunk.
 struct Chunks<'a, T> {
     whole: (&'a [[u32; LANES]], &'a [[T; LANES]]),
     rest: (&'a [u32], &'a [T]),
@@ -138,7 +138,7 @@ impl<T: Scalar> InnerLoop for Four<'_, T> {
         if N == 1
             && let Some(with) = V4::try_new()
         {
-            // If it knew the places, the compiler would take the numbers apart before it widens them, in twice as many instructions.
+            // If it knew the positions, the compiler would separate the numbers before it widens them, in twice as many instructions.
             let of_pairs = black_box([0, 2, 4, 6].map(|k: u64| [k, k, k, k, k + 1, k + 1, k + 1, k + 1]));
             return self.by_pairs::<S, N>(simd, |a| {
                 of_pairs.map(|of_pair| cast(with.avx512f._mm512_permutexvar_pd(cast(of_pair), cast(a))))
@@ -154,7 +154,7 @@ impl<T: Scalar> InnerLoop for Four<'_, T> {
 }
 
 impl<T: Scalar> Four<'_, T> {
-    /// Does it with the function that repeats each of eight numbers four times.
+    /// Computes the products, with the function that repeats each of eight numbers four times.
     #[inline(always)]
     fn by_pairs<S: Simd, const N: usize>(self, simd: S, four_times: impl Fn(Lanes) -> [Lanes; PAIRS]) {
         let Self(rows, x, channels, n_channels, y) = self;

@@ -1,4 +1,4 @@
-//! A matrix in tiles of rows, in memory; several ranks keep a part each.
+//! A matrix in tiles of rows, in memory; each of several ranks stores a part.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -43,7 +43,7 @@ struct Part {
 }
 
 impl Rows {
-    /// Returns an n by n matrix that has no rows yet; of those that are [pushed](Self::push), each of several ranks keeps its own.
+    /// Returns an n by n matrix without rows; each of several ranks stores its own of the rows that are [pushed](Self::push).
     pub(in crate::matrix) fn new(n: usize, choice: StorageChoice<'_>) -> Self {
         Self {
             n,
@@ -72,7 +72,7 @@ impl Rows {
         Ok(())
     }
 
-    /// Ends it after the last row. Collective where ranks keep parts.
+    /// Ends the matrix after the last row. Collective where ranks store parts.
     pub(in crate::matrix) fn finish(mut self) -> Arc<dyn Backend> {
         let counts = self
             .begun_here()
@@ -90,7 +90,7 @@ impl Rows {
         Arc::new(self)
     }
 
-    /// Returns the tiles whose first row is this rank's: each tile is in one rank's.
+    /// Returns the tiles whose first row is this rank's: each tile belongs to one rank.
     fn begun_here(&self) -> Range<usize> {
         let own = self.own();
         let place = |row: usize| self.firsts.partition_point(|&first| first < row);
@@ -102,13 +102,13 @@ impl Rows {
         self.part.as_ref().map_or(0..self.n, |part| part.own.clone())
     }
 
-    /// Returns the tile of row i, and the number of the row in it, if it is kept here.
+    /// Returns the tile of row i, and the number of the row in it, if it is stored here.
     fn locate(&self, i: usize) -> Option<(&dyn Store, usize)> {
         let tile = self.firsts.partition_point(|&first| first <= i).checked_sub(1)?;
         (i < self.end).then(|| (&*self.tiles[tile], i - self.firsts[tile]))
     }
 
-    /// As [`locate`](Self::locate), of a row that is kept here.
+    /// As [`locate`](Self::locate), of a row that is stored here.
     #[track_caller]
     fn located(&self, i: usize) -> (&dyn Store, usize) {
         self.locate(i).expect("a row that is stored here")

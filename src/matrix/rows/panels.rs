@@ -1,4 +1,4 @@
-//! The order in which the entries of a tile of rows are kept: by panels of columns, and row by row in each.
+//! The storage order of the entries of a tile of rows: by panels of columns, and row by row in each.
 //!
 //! The part of x that several rows read in a panel stays in the first-level cache, and the entries are read in one stream.
 
@@ -7,7 +7,9 @@ use std::ops::Range;
 use crate::matrix::kernel::sizes::SIDE;
 use crate::matrix::tile::{Entry, RowTile};
 
-/// The least columns of a panel: x in them takes 24 kB with three channels, and 32 kB where lists fill them up to four, which fits a first-level cache. Fewer columns slow sweeps by rows down, because
+/// The fewest columns of a panel.
+///
+/// x in them takes 24 kB with three channels, and 32 kB where lists fill them up to four, which fits a first-level cache. Fewer columns slow sweeps by rows down, because
 /// these begin anew in each panel.
 const MIN_COLUMNS: usize = 1024;
 
@@ -15,13 +17,15 @@ const MIN_COLUMNS: usize = 1024;
 #[derive(Clone, Copy, Debug)]
 pub(in crate::matrix) struct Panels {
     n_rows: usize,
-    /// Columns of a panel; the last one has those that are left.
+    /// Columns of a panel; the last one has the rest.
     width: usize,
     number: usize,
 }
 
 impl Panels {
-    /// Returns panels of a tile for `n_columns` columns in each of which a row has about `n_least` of the tile's `n_items` entries or blocks, or more: beginning with a row takes time, too.
+    /// Returns panels of a tile for `n_columns` columns, in each of which a row has about `n_least` entries or blocks, or more.
+    ///
+    /// The tile has `n_items` of them in all. Beginning with a row takes time, too.
     pub(in crate::matrix) fn new(n_rows: usize, n_columns: usize, n_items: usize, n_least: usize) -> Self {
         let for_least = (n_least * n_rows * n_columns).checked_div(n_items).unwrap_or(n_columns);
         Self::of_width(n_rows, n_columns, for_least.max(MIN_COLUMNS))
@@ -42,12 +46,12 @@ impl Panels {
         0..self.number
     }
 
-    /// Returns the panel that has a column.
+    /// Returns the panel of a column.
     pub(in crate::matrix) fn of(&self, column: usize) -> usize {
         (column / self.width).min(self.number - 1)
     }
 
-    /// Returns the numbers of the panels that have some of the columns.
+    /// Returns the numbers of the panels with some of the columns.
     pub(in crate::matrix) fn with(&self, columns: &Range<usize>) -> Range<usize> {
         if columns.is_empty() {
             return 0..0;
@@ -55,12 +59,12 @@ impl Panels {
         self.of(columns.start)..self.of(columns.end - 1) + 1
     }
 
-    /// Returns where in the order the part of a row lies that is in a panel.
+    /// Returns the position in the order of the part of a row in a panel.
     pub(in crate::matrix) fn place(&self, panel: usize, row: usize) -> usize {
         panel * self.n_rows + row
     }
 
-    /// Returns (row, its entries in a panel), in order. What lies beyond the columns is in the last panel, where it is refused.
+    /// Returns (row, its entries in a panel), in order; entries beyond the columns are in the last panel, where they are refused.
     pub(in crate::matrix) fn parts<'a>(&'a self, tile: &'a RowTile) -> impl Iterator<Item = (usize, &'a [Entry])> {
         self.all().flat_map(move |panel| {
             (0..self.n_rows).map(move |row| {

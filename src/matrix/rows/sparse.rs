@@ -50,7 +50,7 @@ impl<T: Scalar> SparseTile<T> {
         self.begins[part]..self.begins[part + 1]
     }
 
-    /// Returns those of some places whose columns lie in `columns`.
+    /// Returns those of some positions whose columns lie in `columns`.
     fn within(&self, places: Range<usize>, columns: Range<usize>) -> Range<usize> {
         let of_part = &self.columns[places.clone()];
         let first_from = |column: usize| places.start + of_part.partition_point(|&c| (c as usize) < column);
@@ -58,7 +58,7 @@ impl<T: Scalar> SparseTile<T> {
     }
 }
 
-/// The least entries that a part of a row has on average.
+/// The least average number of entries of a part of a row.
 const ENTRIES_OF_PART: usize = 64;
 
 impl<T: Scalar> Store for SparseTile<T> {

@@ -1,4 +1,4 @@
-//! How a tile of rows is kept: the interface of the layouts, the precision of the numbers, and the sums over a row.
+//! The interface of the layouts of a tile of rows, the precision of the numbers, and the sums over a row.
 
 use std::fmt::Debug;
 use std::ops::Range;
@@ -17,11 +17,12 @@ pub(in crate::matrix) trait Store: Debug + Send + Sync {
     /// Adds Σ_{j ≠ `diagonal`} a_j x_j over the row to `sum` and returns a_`diagonal`.
     fn dot_off_diagonal(&self, row: usize, diagonal: usize, x: &Block, sum: &mut [f64]) -> f64;
 
-    /// Sets `y` (row-major, one entry per channel) to the products of as many rows with `x`, from the row `row` on, which is row `i`
-    /// of the matrix; `planes` are `x` again.
+    /// Sets `y` (row-major, one entry per channel) to the products of as many rows with `x`, from the row `row` on.
+    ///
+    /// It is row `i` of the matrix; `planes` are `x` again.
     fn apply(&self, row: usize, i: usize, x: &Block, planes: &Planes, y: &mut [f64]);
 
-    /// Adds `factor` a_j to `sum[j]` over the row, and returns how many numbers of the row are stored.
+    /// Adds `factor` a_j to `sum[j]` over the row, and returns the count of the row's stored numbers.
     fn add_row(&self, row: usize, factor: f64, sum: &mut [f64]) -> usize {
         let mut n_stored = 0;
         self.for_each(row, 0..sum.len(), &mut |j, value, _| {
@@ -31,16 +32,16 @@ pub(in crate::matrix) trait Store: Debug + Send + Sync {
         n_stored
     }
 
-    /// Returns how many numbers are stored, zeros of a dense tile included.
+    /// Returns the number of stored numbers, zeros of a dense tile included.
     fn n_stored(&self) -> usize;
 
-    /// Returns how many numbers are not zero.
+    /// Returns the number of nonzero numbers.
     fn n_nonzero(&self) -> usize;
 
     /// Returns the memory in use.
     fn stored_byte(&self) -> usize;
 
-    /// Returns the part of it that [`apply`](Self::apply) reads.
+    /// Returns the bytes that [`apply`](Self::apply) reads.
     fn pass_byte(&self) -> usize;
 }
 
@@ -54,7 +55,7 @@ pub(in crate::matrix) struct Numbers<T> {
 }
 
 impl<T: Scalar> Numbers<T> {
-    /// Returns room for so many.
+    /// Returns an empty list with this capacity.
     pub(in crate::matrix) fn with_capacity(n_values: usize) -> Self {
         Self {
             values: Vec::with_capacity(n_values),
@@ -63,7 +64,7 @@ impl<T: Scalar> Numbers<T> {
         }
     }
 
-    /// Adds an entry of a row of an n by n matrix; tells whether anything is left of it in the precision.
+    /// Adds an entry of a row of an n by n matrix; returns whether it is nonzero in the precision.
     pub(in crate::matrix) fn push(&mut self, row: usize, entry: Entry, n: usize) -> Result<bool, MatrixError> {
         let (value, std_error) = rounded::<T>(row, entry, n)?;
         let (has_value, has_error) = (!is_zero(value.to_f64()), std_error > 0.0);

@@ -1,4 +1,6 @@
-//! A tile applied together with its transpose: its channels a few at a time, and the loops over one in full, compiled as the loops of [`lanes`](crate::matrix::kernel::lanes).
+//! A tile applied together with its transpose.
+//!
+//! Its channels are processed a few at a time; the loops over a tile in full are compiled as the loops of [`lanes`](crate::matrix::kernel::lanes).
 
 #![cfg_attr(
     test,
@@ -22,7 +24,7 @@ use crate::matrix::kernel::sizes::{CHANNELS_AT_ONCE, LANES, Lanes, SIDE};
 
 const _: () = assert!(CHANNELS_AT_ONCE == 3, "as `by_channels` has it");
 
-/// Parts of a tile that rows are taken from in turn.
+/// Parts of a tile from which rows are read in turn.
 const QUARTERS: usize = 4;
 
 /// One channel of a tile T: x in its rows and columns, the partial sums of its rows, and y in its columns.
@@ -99,7 +101,7 @@ impl<T: Scalar> ByChannels for Both<'_, T> {
         if N == 1 {
             both::<S, T, N, C, 4>(simd, self.0, channels);
         } else {
-            // There are no registers for the sums of several channels, nor of four rows.
+            // There are no registers for the sums of several channels, or of four rows.
             for channel in channels {
                 both::<S, T, N, 1, 2>(simd, self.0, [channel]);
             }
@@ -107,7 +109,7 @@ impl<T: Scalar> ByChannels for Both<'_, T> {
     }
 }
 
-/// Does what [`add_both`] does, R rows at a time, one from each quarter of the tile, since memory is read faster in four streams than in one.
+/// Does the work of [`add_both`], R rows at a time, one from each quarter of the tile, since memory is read faster in four streams than in one.
 ///
 /// R divides 4, and does not change the order of the additions.
 #[inline(always)]
@@ -124,7 +126,7 @@ fn both<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize>(
     }
 }
 
-/// Does what [`both`] does for one channel of a tile of any size, as there are at the end of a row of tiles.
+/// Does the work of [`both`] for one channel of a tile of any size, such as one at the end of a row of tiles.
 #[inline(always)]
 fn part_of_tile<S: Simd, T: Scalar, const N: usize, const R: usize>(simd: S, values: &[T], channel: &mut Meeting<'_>) {
     let quarter = channel.x_rows.len() / QUARTERS;
@@ -142,7 +144,7 @@ fn part_of_tile<S: Simd, T: Scalar, const N: usize, const R: usize>(simd: S, val
 /// Registers' worth of [`Lanes`] in a row of a tile with all its columns.
 const CHUNKS: usize = SIDE / LANES;
 
-/// Does what [`both`] does for a tile of the full size: as all lengths are known, nothing but the products is left to do.
+/// Does the work of [`both`] for a tile of the full size: as all lengths are known, only the products remain.
 #[inline(always)]
 #[expect(clippy::needless_range_loop, reason = "arrays that closures fill go through memory")]
 fn whole_tile<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize>(
@@ -172,7 +174,7 @@ fn whole_tile<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize
                 }
                 for r in 0..R {
                     if (k * LANES * size_of::<T>()).is_multiple_of(LINE_BYTE) {
-                        // The same place of the next one: tiles of the full size mostly lie one behind the other.
+                        // The same position of the next one: tiles of the full size mostly follow one another in memory.
                         prefetch(&tile[row(r)][k], SIDE * SIDE);
                     }
                     let a = Wide::load(&tile[row(r)][k]);
@@ -194,9 +196,9 @@ fn whole_tile<S: Simd, T: Scalar, const N: usize, const C: usize, const R: usize
     }
 }
 
-/// Does with R rows of one channel what [`add_both`] does with all.
+/// Does the work of [`add_both`] for R rows of one channel.
 ///
-/// Several channels at once, and numbers that are copied before they are loaded, went through the stack in every step: where that had a store across two cache lines, which is as the stack happens to lie, small
+/// Several channels at once, and numbers that are copied before they are loaded, went through the stack in every step. Where that had a store across two cache lines, which depends on the position of the stack, small
 /// systems took 1.4 times as long.
 #[inline(always)]
 fn both_rows<S: Simd, T: Scalar, const N: usize, const R: usize>(

@@ -8,7 +8,7 @@ use crate::matrix::kernel::scalar::Scalar;
 /// The properties of a tile that reading its bytes requires.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::matrix) struct Form {
-    /// None of the numbers is stored, all, or some with their places.
+    /// Whether none of the numbers is stored, all, or some with their places.
     entries: Entries,
     with_errors: bool,
 }
@@ -17,7 +17,7 @@ pub(in crate::matrix) struct Form {
 enum Entries {
     None,
     All,
-    /// How many, and the [`Places::size`].
+    /// Their number, and the [`Places::size`].
     Some {
         n: u16,
         places: [u16; 2],

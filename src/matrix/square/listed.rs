@@ -17,7 +17,9 @@ use crate::matrix::kernel::scalar::Scalar;
 use crate::matrix::kernel::scalar::WithV4;
 use crate::matrix::kernel::sizes::{LANES, SIDE, STRIP, ones};
 
-/// Adds T `x_columns` to the partial sums `rows`, and T^T `x_rows` to `y_columns`, for every channel; these are [`SIDE`] rows and columns, whatever T has.
+/// Adds T `x_columns` to the partial sums `rows`, and T^T `x_rows` to `y_columns`, for every channel.
+///
+/// These are [`SIDE`] rows and columns for a T of any size.
 ///
 /// `values` has one number for each place in order, and [`STRIP`] or more behind them.
 pub(in crate::matrix) fn add_both_listed<'a, T: Scalar>(
@@ -45,15 +47,15 @@ impl<T: Scalar> ByChannels for Listed<'_, T> {
     }
 }
 
-/// Bytes between the numbers that are used and those that are asked for: what memory gives while it takes its time. Lists of a row of tiles lie one behind the other.
+/// The prefetch distance in bytes: the numbers that memory delivers in its latency. Lists of a row of tiles follow one another in memory.
 const AHEAD_BYTE: usize = 4096;
 
 /// Registers' worth of columns in a strip.
 const HALVES: usize = STRIP / LANES;
 
-/// Does what [`add_both_listed`] does, strip by strip, so that x and y of its columns stay in registers.
+/// Does the work of [`add_both_listed`], strip by strip, so that x and y of its columns stay in registers.
 ///
-/// The row of a strip is written out in registers, with zeros where it has no entry: that takes no branch, and the same few instructions for one entry as for
+/// The row of a strip is written out in registers, with zeros in place of missing entries: that takes no branch, and the same few instructions for one entry as for
 /// sixteen.
 #[inline(always)]
 fn by_strips<S: Simd, T: Scalar, const N: usize, const C: usize>(

@@ -1,4 +1,4 @@
-//! Square tiles, of which symmetric matrices and those on a disk are made.
+//! Square tiles, the parts of symmetric matrices and of those on a disk.
 
 mod both;
 mod codec;

@@ -15,12 +15,12 @@ use crate::matrix::kernel::sizes::{SIDE, STRIP, ones};
 const _: () = assert!(SIDE == u64::BITS as usize, "a bit for each row of a strip");
 const _: () = assert!(STRIP == u16::BITS as usize, "a bit for each column of a strip");
 
-/// Places of at most [`SIDE`] by [`SIDE`] that have an entry, in strips of [`STRIP`] columns; entries are counted strip by strip, and row by row in each.
+/// The places with an entry, of at most [`SIDE`] by [`SIDE`], in strips of [`STRIP`] columns.
 ///
-/// Memory: 16 bytes for each strip with an entry, and 2 for each of its rows with one.
+/// Entries are counted strip by strip, and row by row in each. Memory: 16 bytes for each strip with an entry, and 2 for each of its rows with one.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::matrix) struct Places {
-    /// Those with entries, in order.
+    /// The strips with entries, in order.
     strips: Shared<Strip>,
     /// For each row with entries of each strip in turn, the bits of its columns.
     masks: Shared<u16>,
@@ -67,7 +67,7 @@ impl Line {
         }
     }
 
-    /// Adds an entry, or something that the next one replaces.
+    /// Adds an entry, or a placeholder that the next one replaces.
     #[inline(always)]
     fn push(&mut self, is_one: bool, place: usize, number: usize) {
         let slot = self.n % SIDE;
@@ -88,11 +88,11 @@ impl Line {
     }
 }
 
-/// Masks of a tile at the most.
+/// The most masks of a tile.
 const N_MASKS: usize = SIDE / STRIP * SIDE;
 
 impl Places {
-    /// Takes places (row, column) in the order in which entries are counted.
+    /// Makes places from (row, column) in the order in which entries are counted.
     pub(in crate::matrix) fn new(places: impl IntoIterator<Item = (usize, usize)>) -> Self {
         let (mut strips, mut masks) = (Vec::<Strip>::new(), Vec::<u16>::new());
         for (n_before, (row, column)) in places.into_iter().enumerate() {
@@ -189,7 +189,7 @@ impl Places {
         let lane = column % STRIP;
         for strip in self.strips().filter(|strip| strip.number == column / STRIP) {
             let mut first = strip.first;
-            // Whether a row has an entry here is as good as random: what is not one is written over, without a branch.
+            // Whether a row has an entry here is as good as random: a placeholder is written over, without a branch.
             for (row, &mask) in ones(strip.rows).zip(strip.masks) {
                 found.push(mask >> lane & 1 == 1, row, first + below(mask.into(), lane));
                 first += mask.count_ones() as usize;
@@ -206,7 +206,7 @@ impl Places {
         })
     }
 
-    /// Returns how many strips have entries, and how many rows have in all of them.
+    /// Returns the number of strips with entries, and of their rows with entries.
     pub(in crate::matrix) fn size(&self) -> [usize; 2] {
         [self.strips.len(), self.masks.len()]
     }
@@ -227,7 +227,7 @@ impl Places {
         bytes.extend(self.masks.iter().flat_map(|mask| mask.to_ne_bytes()));
     }
 
-    /// Returns the places from the bytes of so many strips and rows, and the bytes that follow.
+    /// Returns the places of a [`size`](Self::size) from their bytes, and the bytes that follow.
     pub(in crate::matrix) fn from_bytes(size: [usize; 2], bytes: &[u8]) -> (Self, &[u8]) {
         let (own, rest) = bytes.split_at(Self::byte(size));
         let (strips, masks) = own.split_at(Self::byte([size[0], 0]));
@@ -249,7 +249,7 @@ fn narrow<T: TryFrom<usize>>(number: usize) -> T {
     T::try_from(number).unwrap_or_else(|_| unreachable!("a tile has at most 4096 places"))
 }
 
-/// Returns how many bits are set.
+/// Returns the number of set bits.
 #[inline(always)]
 fn count(masks: &[u16]) -> usize {
     let (fours, rest) = masks.as_chunks::<4>();
@@ -258,7 +258,7 @@ fn count(masks: &[u16]) -> usize {
     of_fours.chain(of_rest).sum::<u32>() as usize
 }
 
-/// Returns how many bits below bit `end` are set; `end` is at most 63.
+/// Returns the number of set bits below bit `end`, which is at most 63.
 #[inline(always)]
 fn below(bits: u64, end: usize) -> usize {
     (bits & ((1 << end) - 1)).count_ones() as usize

@@ -39,7 +39,7 @@ pub(in crate::matrix) struct Full<T> {
     pub(super) numbers: Values<Aligned<T>>,
 }
 
-/// Entries in the order of [`Places`]; [`STRIP`] numbers or more follow, so that as many as a row of a strip may have can always be read.
+/// Entries in the order of [`Places`]; [`STRIP`] numbers or more follow, so that the most entries of a strip's row can always be read.
 #[derive(Clone, Debug)]
 pub(in crate::matrix) struct List<T> {
     pub(super) places: Places,
@@ -94,7 +94,7 @@ impl<T: Scalar> Square<T> {
         }))
     }
 
-    /// Returns a tile with the number and the standard error at every place (row, column) multiplied by `factor(row, column)`; the step that a number makes is added to its error.
+    /// Returns a tile with the number and the standard error at every place (row, column) multiplied by `factor(row, column)`; the step of a number is added to its error.
     pub(in crate::matrix) fn scaled(
         &self,
         first: (usize, usize),
@@ -103,7 +103,7 @@ impl<T: Scalar> Square<T> {
     ) -> Result<Self, MatrixError> {
         let scale = |row: usize, column: usize, (value, std_error): (f64, f64)| {
             let factor = factor(row, column);
-            // A number that was made smaller is not known any better, and it may have been right.
+            // A smaller number is not more accurate, and the former one may have been right.
             let error = factor.max(1.0) * std_error + (factor - 1.0).abs() * value;
             let entry: Entry = (index(first.1 + column), factor * value, error);
             rounded::<T>(first.0 + row, entry, n)
@@ -138,7 +138,7 @@ impl<T: Scalar> Square<T> {
         })
     }
 
-    /// Moves what the lists among tiles have into one piece of memory, in order.
+    /// Moves the contents of the lists among tiles into one piece of memory, in order.
     pub(in crate::matrix) fn join_lists(tiles: &mut [Self]) {
         let mut lists: Vec<&mut Box<List<T>>> = tiles
             .iter_mut()
@@ -153,7 +153,7 @@ impl<T: Scalar> Square<T> {
             STRIP,
             T::from_f64(0.0),
         );
-        // What is allocated in a row mostly lies in a row, which it does not while tiles are made.
+        // Consecutive allocations mostly lie in order, which they do not while tiles are made.
         for list in lists {
             *list = list.clone();
         }
@@ -280,8 +280,8 @@ impl<T: Scalar> Square<T> {
         }
     }
 
-    /// Adds T `x_columns` and T^T `x_rows` to the sums of each channel, reading the tile once; a list's channels have [`SIDE`] rows and columns,
-    /// however many it has itself.
+    /// Adds T `x_columns` and T^T `x_rows` to the sums of each channel, reading the tile once; a list's channels have [`SIDE`] rows and columns
+    /// in any case.
     pub(in crate::matrix) fn add_both<'a>(&self, channels: impl Iterator<Item = Meeting<'a>>) {
         match self {
             Self::Empty => {}
@@ -290,7 +290,7 @@ impl<T: Scalar> Square<T> {
         }
     }
 
-    /// Returns the rows and columns, of which there are these in the matrix, that [`add_both`](Self::add_both) goes by.
+    /// Returns the rows or columns, given those in the matrix, that [`add_both`](Self::add_both) visits.
     pub(in crate::matrix) fn gone_by(&self, in_matrix: Range<usize>) -> Range<usize> {
         match self {
             Self::Empty | Self::Full(_) => in_matrix,
@@ -298,7 +298,7 @@ impl<T: Scalar> Square<T> {
         }
     }
 
-    /// Returns how many numbers are not zero.
+    /// Returns the number of nonzero numbers.
     pub(in crate::matrix) fn n_nonzero(&self) -> usize {
         let values: &[T] = match self {
             Self::Empty => return 0,
@@ -328,7 +328,7 @@ impl<T: Scalar> Square<T> {
     }
 }
 
-/// Returns numbers as a [`List`] has them.
+/// Returns numbers in the form of a [`List`].
 pub(super) fn listed<T: Scalar>(values: impl Iterator<Item = T>) -> Shared<T> {
     Shared::new(values, STRIP, T::from_f64(0.0))
 }
@@ -350,7 +350,7 @@ impl<T: Scalar> Full<T> {
     }
 }
 
-/// Puts items into the first slots, and returns how many there are.
+/// Puts items into the first slots, and returns their number.
 fn gather<T>(slots: &mut [T], items: impl Iterator<Item = T>) -> usize {
     let mut n = 0;
     for (slot, item) in slots.iter_mut().zip(items) {

@@ -16,8 +16,9 @@ use crate::matrix::square::{Placed, Square};
 use crate::matrix::tile::{RowTile, index};
 use crate::matrix::together::rows_of;
 
-/// Stores the s_ij = A_i F_ij / max A between patches of these areas, of which `upper` gives the entries on and above the diagonal for each of [`block_rows`], in parallel: those in the
-/// columns that it gets, which are all that this rank stores of the block.
+/// Stores the s_ij = A_i F_ij / max A between patches of these areas, computed by `upper` in parallel.
+///
+/// `upper` returns the entries on and above the diagonal for each of [`block_rows`], in the given columns, which are all that this rank stores of the block.
 pub(in crate::matrix) fn from_blocks(
     areas: &[f64],
     choice: StorageChoice<'_>,
@@ -49,9 +50,9 @@ pub(in crate::matrix) fn from_blocks(
     }
 }
 
-/// Stores the s_ij = A_i F_ij / max A between patches of these areas, of which `upper` yields the entries on and above the diagonal for each of [`block_rows`] in order.
+/// Stores the s_ij = A_i F_ij / max A between patches of these areas, in the order of their rows.
 ///
-/// `E` is the error of the iterator.
+/// `upper` yields the entries on and above the diagonal for each of [`block_rows`]; `E` is the error of the iterator.
 pub(in crate::matrix) fn from_rows<E: From<MatrixError> + Send>(
     areas: &[f64],
     choice: StorageChoice<'_>,
@@ -77,7 +78,9 @@ pub(in crate::matrix) fn from_rows<E: From<MatrixError> + Send>(
     }
 }
 
-/// Stores the s_ij = A_i F_ij / max A between patches of these areas, whose entries on and above the diagonal `give` adds for each of [`block_rows`], in any order.
+/// Stores the s_ij = A_i F_ij / max A between patches of these areas, given in any order.
+///
+/// `give` adds the entries on and above the diagonal for each of [`block_rows`].
 pub(in crate::matrix) fn from_parts(
     areas: &[f64],
     choice: StorageChoice<'_>,
@@ -109,7 +112,7 @@ pub(in crate::matrix) fn from_parts(
     }
 }
 
-/// Takes the rows of some blocks.
+/// Adds the rows of some blocks.
 pub(in crate::matrix) type Add<'a> = dyn FnMut(Vec<RowTile>) -> Result<(), MatrixError> + 'a;
 
 /// Cuts rows of the upper triangle into the tiles of some blocks of `columns`; the one on the diagonal gets its lower half.
@@ -125,7 +128,7 @@ pub(in crate::matrix) fn row_of_tiles<T: Scalar>(
     let mut tiles: Vec<Vec<Placed<T>>> = vec![Vec::new(); columns.len()];
     for i in rows.clone() {
         for &entry in upper.row(i - rows.start) {
-            // Another rank stores what lies elsewhere; what lies below the diagonal nobody does.
+            // Other entries are stored by another rank, or lie below the diagonal and are stored by none.
             if (entry.0 as usize >= rows.start && (entry.0 as usize) < begin) || entry.0 as usize >= end.max(begin) {
                 continue;
             }

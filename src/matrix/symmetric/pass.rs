@@ -13,15 +13,15 @@ use crate::matrix::square::{Meeting, Square};
 pub(in crate::matrix) struct PassSums {
     first: usize,
     n_left: usize,
-    /// Of the rows of one row of tiles: partial sums, channel by channel.
+    /// The partial sums of the rows of one row of tiles, channel by channel.
     rows: Aligned<f64>,
     /// Channel by channel, each filled up to a multiple of [`SIDE`] at least.
     columns: Aligned<f64>,
-    /// The sums of the transposes of tiles on the diagonal, channel by channel: they are not needed.
+    /// The sums of the transposes of tiles on the diagonal, channel by channel, which are not used.
     nowhere: Aligned<f64>,
 }
 
-/// From the partial sums of one row of tiles in one channel to those in the next.
+/// The distance from the partial sums of one row of tiles in one channel to those in the next.
 const ROW_SUMS: usize = apart(SIDE * LANES);
 
 impl PassSums {
@@ -36,13 +36,14 @@ impl PassSums {
         }
     }
 
-    /// Returns from one channel of the columns to the next.
+    /// Returns the distance from one channel of the columns to the next.
     fn distance(&self) -> usize {
         apart(self.n_left.next_multiple_of(SIDE))
     }
 
-    /// Adds what a tile, which holds `rows` and `columns` of the matrix, and its transpose make of `x`, reading it once for all channels; of a tile on the
-    /// diagonal, which is stored whole, only what the tile itself does.
+    /// Adds the products of a tile and of its transpose with `x`, reading it once for all channels.
+    ///
+    /// The tile holds `rows` and `columns` of the matrix; one on the diagonal is stored whole, and its transpose is not added.
     pub(in crate::matrix) fn add<T: Scalar>(
         &mut self,
         tile: &Square<T>,
@@ -89,7 +90,7 @@ impl PassSums {
         self.columns.fill(f64::NAN);
     }
 
-    /// Returns what is to be added to y.
+    /// Returns the sums to be added to y.
     pub(in crate::matrix) fn finish(self) -> PieceOfY {
         PieceOfY {
             first: self.first,
@@ -102,7 +103,7 @@ impl PassSums {
 /// The sums to be added to y from row `first` on.
 pub(in crate::matrix) struct PieceOfY {
     first: usize,
-    /// Channel by channel, so far apart.
+    /// The distance from one channel to the next.
     distance: usize,
     values: Aligned<f64>,
 }
@@ -115,7 +116,7 @@ impl PieceOfY {
         channels.flat_map(move |of_channel| of_channel[..n_left].iter().copied())
     }
 
-    /// Returns the piece from row `first` of `n` on with these numbers at the beginning of `numbers`, and what lies behind them.
+    /// Returns the piece from row `first` of `n` on, with the numbers at the beginning of `numbers`, and the rest of these.
     pub(in crate::matrix) fn from_numbers(
         first: usize,
         n: usize,

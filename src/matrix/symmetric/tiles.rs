@@ -34,12 +34,12 @@ pub(in crate::matrix) fn row_factors(areas: &[f64]) -> Vec<f64> {
 pub(super) struct Stored {
     n_blocks: usize,
     layout: Layout,
-    /// The blocks of rows that are this rank's, all tiles of which it stores, and the ranks; `None` where it stores all tiles.
+    /// The blocks of rows that are this rank's, all of whose tiles it stores, and the ranks; `None` where it stores all tiles.
     own: Option<(Range<usize>, Arc<dyn Ranks>)>,
 }
 
 impl Stored {
-    /// Returns what is stored of an n by n matrix: on several ranks a part, unless it is on a disk.
+    /// Returns the stored part of an n by n matrix: on several ranks a part, all if it is on a disk.
     pub(super) fn new(n: usize, choice: StorageChoice<'_>) -> Self {
         let among = choice.ranks.filter(|_| !choice.place.is_on_disk());
         Self {
@@ -52,7 +52,7 @@ impl Stored {
         }
     }
 
-    /// Returns the J of the tiles (I, J), J ≥ I, that are stored: all where row I is this rank's, else those of its columns.
+    /// Returns the J of the tiles (I, J), J ≥ I, that are stored: all where row I is this rank's, otherwise those of its columns.
     pub(super) fn columns(&self, row: usize) -> Range<usize> {
         match &self.own {
             Some((own, _)) if !own.contains(&row) => own.start.max(row).min(own.end)..own.end,
@@ -70,7 +70,7 @@ pub(super) struct Tiles<T> {
     /// The data that a pass of one process reads.
     pass_byte: usize,
     stored: Stored,
-    /// On several ranks: how many numbers of all are not zero, and the bytes of all.
+    /// On several ranks: the number of nonzero entries of all, and the bytes of all.
     of_all: Option<[usize; 2]>,
     rows: Rows<T>,
 }
@@ -85,17 +85,17 @@ enum Rows<T> {
 /// The most pieces into which the rows of tiles are divided when the matrix is applied: enough for the threads of one machine.
 const PIECES: usize = 64;
 
-/// Rows of tiles for each piece, or half as many where there are few, so that the vectors of all pieces are small beside the matrix.
+/// Rows of tiles of each piece, or half as many where there are few, so that the vectors of all pieces are small beside the matrix.
 const ROWS_PER_PIECE: usize = 4;
 
 /// Numbers whose sums over the pieces one thread computes at a time.
 const SUMS_PER_TASK: usize = 1024;
 
-/// Returns the block rows of each piece of an n by n matrix: about as many tiles in one as in another.
+/// Returns the block rows of each piece of an n by n matrix, with about equally many tiles in each.
 fn pieces(n: usize) -> Vec<Range<usize>> {
     let n_blocks = block_rows(n).len();
     let n_tiles = n_blocks * (n_blocks + 1) / 2;
-    // It depends on n alone, so that the order of the sums does not depend on the number of threads; an even number where there are several, since most machines have one of threads.
+    // It depends on n alone, so that the order of the sums does not depend on the number of threads; several pieces are an even number, since most machines have an even number of threads.
     let n_pieces = (n_blocks / ROWS_PER_PIECE).next_multiple_of(2).clamp(1, PIECES);
     let mut pieces = Vec::with_capacity(n_pieces);
     let (mut begin, mut n_before) = (0, 0);
@@ -110,7 +110,7 @@ fn pieces(n: usize) -> Vec<Range<usize>> {
 }
 
 impl<T: Scalar> Tiles<T> {
-    /// Keeps rows of tiles of exchange areas between patches of these areas. Collective where ranks store parts.
+    /// Stores rows of tiles of exchange areas between patches of these areas. Collective where ranks store parts.
     pub(super) fn of_rows<E: From<MatrixError>>(
         areas: &[f64],
         choice: StorageChoice<'_>,
@@ -120,7 +120,7 @@ impl<T: Scalar> Tiles<T> {
         Ok(Arc::new(Self::collect(row_factors(areas), choice.place, part, rows)?))
     }
 
-    /// Keeps rows of tiles, all [`block_rows`] of them. Collective where ranks store parts.
+    /// Stores rows of tiles, all [`block_rows`] of them. Collective where ranks store parts.
     fn collect<E: From<MatrixError>>(
         row_factors: Vec<f64>,
         place: Place<'_>,
@@ -199,8 +199,9 @@ impl<T: Scalar> Tiles<T> {
         }
     }
 
-    /// Returns what `work` makes of the tiles that hold the rows of block `own`, found by the other block: those before `own` hold
-    /// them as columns; nothing where a tile is not stored. `only` names the single block that `work` asks for. `None` if the tiles cannot be read.
+    /// Returns the result of `work` for the tiles that hold the rows of block `own`, found by the other block.
+    ///
+    /// Tiles before `own` hold these rows as columns; a tile that is not stored is `None`. `only` names the single block that `work` reads. `None` if the tiles cannot be read.
     fn with_cross<R>(
         &self,
         own: usize,
@@ -224,7 +225,7 @@ impl<T: Scalar> Tiles<T> {
         }
     }
 
-    /// Returns what the tiles of some block rows add to y.
+    /// Returns the products of the tiles of some block rows, to be added to y.
     fn apply_piece(&self, piece: Range<usize>, x: &Planes) -> PieceOfY {
         let mut sums = PassSums::new(piece.start * SIDE, self.n, x.n_channels());
         for i in piece {
@@ -243,7 +244,7 @@ impl<T: Scalar> Tiles<T> {
         sums.finish()
     }
 
-    /// Sets the rows of y from `first` on to the sums of what all pieces add to them, in their order.
+    /// Sets the rows of y from `first` on to the sums of all pieces, in their order.
     fn add_up(&self, parts: &[PieceOfY], first: usize, n_channels: usize, y: &mut [f64]) {
         let y_len = y.len();
         let tasks: Vec<(usize, &mut [f64])> = y.chunks_mut(SUMS_PER_TASK * n_channels).enumerate().collect();
@@ -267,7 +268,7 @@ impl<T: Scalar> Tiles<T> {
 impl<T: Scalar> Backend for Tiles<T> {
     fn for_each(&self, i: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
         let (own, row) = (i / SIDE, i % SIDE);
-        // A single place is not worth a band.
+        // A single block is not worth a band.
         let only = (columns.len() == 1).then_some(columns.start / SIDE);
         let found = self.with_cross(own, only, Part::All, |tile| {
             for_each_block(columns.clone(), |first, part, block| {

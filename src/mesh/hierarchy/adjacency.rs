@@ -7,7 +7,7 @@ use glam::DVec3;
 use crate::mesh::face_shape::count;
 use crate::mesh::patches::Mesh;
 
-/// cos 60°: normals that differ by more point to different parts of a room.
+/// cos 60°: normals that differ by more point to different parts of an enclosure.
 const COS_MAX_TURN: f64 = 0.5;
 
 /// Groups of patches with their neighbours.
@@ -28,7 +28,7 @@ impl Neighbours {
             surfaces: vec![0; n],
             borders: vec![BTreeMap::new(); n],
         };
-        // Positions, not vertices: those stand more than once where planes meet.
+        // Positions, not vertices: a position has several vertices where planes meet.
         let key = |v: u32| mesh.vertices[v as usize].to_array().map(|x| (x + 0.0).to_bits());
         let mut by_edge: HashMap<([u64; 3], [u64; 3]), Vec<u32>> = HashMap::new();
         for (patch, &group) in mesh.patches.iter().zip(group_of_patch) {
@@ -58,7 +58,7 @@ impl Neighbours {
         }
     }
 
-    /// Returns the parents that pairs of pairs make, or `None` where nothing can be joined any more.
+    /// Returns the parents of pairs of pairs, or `None` where no more can be joined.
     pub(super) fn join_four(&self) -> Option<Vec<u32>> {
         let first = self.join_pairs()?;
         let pairs = self.joined(&first);
@@ -68,7 +68,7 @@ impl Neighbours {
         }
     }
 
-    /// Joins each group with the free neighbour that it has the longest border with, in the order of the groups.
+    /// Joins each group with its free neighbour of the longest common border, in the order of the groups.
     fn join_pairs(&self) -> Option<Vec<u32>> {
         let n = self.surfaces.len();
         let mut parents: Vec<Option<u32>> = vec![None; n];
@@ -99,7 +99,7 @@ impl Neighbours {
         a.dot(b) > COS_MAX_TURN * a.length() * b.length()
     }
 
-    /// Returns the groups that `parents` makes of these.
+    /// Returns the groups that result from `parents`.
     pub(super) fn joined(&self, parents: &[u32]) -> Self {
         let n = parents.iter().map(|&p| p as usize + 1).max().unwrap_or(0);
         let mut groups = Self {

@@ -1,4 +1,4 @@
-//! The cells of one face on one level, and which coarse cell each belongs to.
+//! The cells of one face on one level, and the coarse cell of each.
 
 use crate::mesh::face_shape::{FaceShape, count};
 
@@ -26,7 +26,7 @@ impl Cuts {
         0.5 * (f64::from(self.0[k]) + f64::from(self.0[k + 1]))
     }
 
-    /// Returns, for every part, the coarse part that it lies in, and the neighbour of that on its side with the weight that linear interpolation gives it.
+    /// Returns, for every part, its coarse part, and the neighbour of that on its side with the weight of linear interpolation.
     fn parents(&self, coarse: &Self) -> Vec<Parent> {
         let parent = |k: usize| {
             let own = coarse.0.partition_point(|&cut| cut <= self.0[k]) - 1;

@@ -113,14 +113,14 @@ fn bilinear_values_keep_linear_functions() {
     }
 }
 
-/// The children of a triangle lie inside it: their areas add up where the number of parts is even, and the centroid of all of them is its own.
+/// The children of a triangle lie inside it: their areas add up where the number of parts is even, and their common centroid is its own.
 #[test]
 fn triangles_join_four_by_four() {
     let hierarchy = Hierarchy::of_faces(&[FaceShape::Triangle { n: 12 }], &[1.0; 144]);
     assert_eq!(hierarchy.sizes(), [144, 36, 9, 1]);
     let level = &hierarchy.levels()[0];
     assert!((0..36).all(|parent| level.children(parent).len() == 4));
-    // The first upright triangle holds the first three of row 0 and the first of row 1; the inverted one next to it takes three inverted ones and an upright one.
+    // The first upright triangle holds the first three of row 0 and the first of row 1; the inverted one next to it holds three inverted ones and an upright one.
     assert_eq!(level.children(0), [0, 1, 2, 23]);
     assert_eq!(level.children(1), [3, 24, 25, 26]);
     let odd = Hierarchy::of_faces(&[FaceShape::Triangle { n: 7 }], &[1.0; 49]);

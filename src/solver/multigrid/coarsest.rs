@@ -5,20 +5,21 @@ use faer::{Mat, Par};
 use super::matrices::Matrix;
 use crate::solver::lu::Lu;
 
-/// Added to the diagonal of I − K, so that enclosures that lose no light are not singular: what does not shine in there stays 0, and a loss of
-/// 1e-8 is still solved for to 1e-6 of itself.
+/// A shift of the diagonal of I − K, so that enclosures that lose no light are not singular.
+///
+/// In a dark enclosure the solution stays 0, and a loss of 1e-8 is still solved for to 1e-6 of itself.
 const SHIFT: f64 = 1e-14;
 
 /// I − K of one channel, ready to be solved.
 pub(super) enum Factored {
-    /// Of patches that do not exchange light, such as the sets of patches that do: there may be as many as there are patches.
+    /// For patches that do not exchange light, such as sets of patches: there may be as many as there are patches.
     Diagonal(Vec<f64>),
-    /// Of all others.
+    /// For all others.
     Full(Lu),
 }
 
 impl Factored {
-    /// One thread does it all: there are few patches that exchange light.
+    /// On one thread: few patches exchange light.
     pub(super) fn new(matrix: &Matrix, channel: usize) -> Self {
         let n = matrix.n_rows();
         let entry = |i: usize, j: usize| {

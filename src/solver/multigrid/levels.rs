@@ -1,4 +1,4 @@
-//! The coarse levels: their matrices, and the correction that they give.
+//! The coarse levels: their matrices, and their corrections.
 
 #![expect(
     clippy::shadow_unrelated,
@@ -22,7 +22,7 @@ struct Level {
     restricted: Matrix,
 }
 
-/// Sweeps on a coarsest level that has too many patches for a direct solution: as many as Lewis makes.
+/// Sweeps on a coarsest level that has too many patches for a direct solution; Lewis makes as many.
 const SWEEPS_OF_MANY: usize = 20;
 
 enum Bottom {
@@ -42,7 +42,7 @@ pub(super) struct Levels<'a> {
     bottom: Bottom,
     /// Entries of F.
     pub(super) n_of_f: f64,
-    /// Multiplications that made all this.
+    /// The multiplications of the setup.
     pub(super) setup_multiply_adds: f64,
     /// Multiplications of one cycle, the finest sweep included, the mean over the channels.
     pub(super) multiply_adds: f64,
@@ -64,7 +64,7 @@ impl<'a> Levels<'a> {
         };
         let wanted = Wanted {
             upper: settings.defect == Defect::OfChanges,
-            // Exitances of both signs can balance, so that nothing is left of the mode that hardly loses light: in a white room what rounding left of it would count without end.
+            // Exitances of both signs can balance, so that no part of the mode that hardly loses light remains: in a white room the rounding of that would count without end.
             rounded: !system.is_signed(),
             merged: matches!(settings.coarse_matrices, CoarseMatrices::Galerkin),
         };
@@ -140,7 +140,7 @@ impl<'a> Levels<'a> {
         d
     }
 
-    /// Returns the same from what the sweep has changed and left. Needs R U.
+    /// Returns the same from the changes and remainders of the sweep. Needs R U.
     pub(super) fn defect_of_changes(&self, swept: &[Swept]) -> Vec<Vec<f64>> {
         let step = &self.hierarchy.levels()[0];
         let mut d: Vec<Vec<f64>> = swept.iter().map(|swept| minus_left(step, swept)).collect();
@@ -155,7 +155,7 @@ impl<'a> Levels<'a> {
         channels.map(|(c, d)| self.twice(0, c, d)).collect()
     }
 
-    /// Solves the system of coarse level `k` by two recursive calls: the first does not smooth, the second goes on from what it found.
+    /// Solves the system of coarse level `k` by two recursive calls: the first does not smooth, the second continues from its result.
     fn twice(&self, k: usize, c: usize, f: &[f64]) -> Vec<f64> {
         let mut v = vec![0.0; f.len()];
         self.improve(k, c, &mut v, f, false);
@@ -203,8 +203,9 @@ impl<'a> Levels<'a> {
             .for_each(|(u, correction)| *u -= correction);
     }
 
-    /// Returns whether light on the patches of `lit` (1 or 0, \[c\]\[n\]) has an answer without negative numbers on the coarsest level: if I − K has a
-    /// non-negative inverse there, as it has for every system that loses light, it does.
+    /// Returns whether the coarsest level answers light on the patches of `lit` (1 or 0, \[c\]\[n\]) without negative numbers.
+    ///
+    /// It does if I − K has a non-negative inverse there, as for every system that loses light.
     pub(super) fn is_physical(&self, lit: &[Vec<f64>]) -> bool {
         let Bottom::Direct(channels) = &self.bottom else {
             return true;
@@ -216,7 +217,7 @@ impl<'a> Levels<'a> {
             }
             solver.solve(&mut x);
             let greatest = x.iter().copied().fold(0.0, f64::max);
-            // Rounding may leave a little below zero where no light gets.
+            // Rounding may leave values a little below zero where no light arrives.
             x.iter().all(|&x| x >= -1e-12 * greatest && x.is_finite())
         })
     }

@@ -10,7 +10,7 @@ use crate::matrix::{Coefficients, ROWS_AT_ONCE, products};
 use crate::mesh::hierarchy::Coarsening;
 use crate::threads;
 
-/// The share of entries that are not zero from which a row is kept in full: then it takes as much memory as with its columns.
+/// The share of nonzero entries from which on a row is stored in full: then it takes as much memory as with its columns.
 const DENSE_FROM: f64 = 2.0 / 3.0;
 
 /// Rows in full begin at a multiple of so many columns, mostly the same one for rows that are multiplied together.
@@ -64,7 +64,7 @@ impl Row {
         }
     }
 
-    /// Returns where a row begins that is kept in full and long enough for [`products`].
+    /// Returns the first column of a row that is stored in full and long enough for [`products`].
     fn begin_of_many(&self) -> Option<usize> {
         match self.columns {
             Columns::From(begin) if self.values.is_long() => Some(begin),
@@ -104,40 +104,40 @@ impl Row {
     }
 }
 
-/// Where the row of one channel is.
+/// The position of one channel's row.
 #[derive(Clone, Copy)]
 struct Slot {
     row: u32,
     factor: f64,
-    /// Whether the row holds ρ already, for this channel alone; else it is a row of F, and `factor` is ρ.
+    /// Whether the row is this channel's own and includes ρ; otherwise it is a row of F, and `factor` is ρ.
     own: bool,
 }
 
 /// A matrix K of n rows for each of c channels.
 ///
-/// Where the reflectance of a channel is the same for all that a row was made of, the row is ρ times a row of F, which all such channels share;
-/// elsewhere the channel has a row of its own. What a channel's row is made of never depends on the other channels.
+/// Where a channel has one reflectance for all sources of a row, the row is ρ times a row of F, which all such channels share;
+/// elsewhere the channel has a row of its own. A channel's row never depends on the other channels.
 pub(super) struct Matrix {
     n_channels: usize,
     rows: Vec<Row>,
     /// \[n, c\].
     slots: Vec<Slot>,
-    /// The multiplications that K x takes, all channels together.
+    /// The multiplications of K x, all channels together.
     n_terms: usize,
 }
 
 /// The requested part of R K.
 #[derive(Clone, Copy)]
 pub(super) struct Wanted {
-    /// Whether only R U is kept, where U is K above its diagonal.
+    /// Whether only R U is stored, where U is K above its diagonal.
     pub(super) upper: bool,
-    /// Whether R U is kept in f32.
+    /// Whether R U is stored in f32.
     pub(super) rounded: bool,
-    /// Whether R K P is wanted too.
+    /// Whether R K P is needed too.
     pub(super) merged: bool,
 }
 
-/// The form that a matrix K was brought into.
+/// The coarse form of a matrix K.
 pub(super) struct Restricted {
     /// R K, or R U.
     pub(super) rows: Matrix,
@@ -194,7 +194,7 @@ impl Matrix {
         restrict(coarsening, self.n_channels, wanted, |i, c| self.slot(i, c), add)
     }
 
-    /// Returns diag(ρ) F for form factors of a coarse level, and how many entries that took.
+    /// Returns diag(ρ) F for form factors of a coarse level, and the number of entries read.
     pub(super) fn from_form_factors(rows: &dyn RowAccess, reflectance: &Block) -> (Self, usize) {
         let (n, n_channels) = (reflectance.n_rows(), reflectance.n_channels());
         let make = |i: usize| {
@@ -227,7 +227,7 @@ impl Matrix {
         &self.rows[self.slot(i, c).row as usize]
     }
 
-    /// Returns whether nothing is off the diagonal.
+    /// Returns whether all entries off the diagonal are zero.
     pub(super) fn is_diagonal(&self) -> bool {
         let mut slots = self.slots.iter().enumerate();
         slots.all(|(k, slot)| {
@@ -297,7 +297,7 @@ impl Matrix {
 
     /// Makes one sweep of Gauss-Seidel over u = f + K u in channel c.
     ///
-    /// Four rows at a time are multiplied with u as it was before the four; to each product is then added what the rows before it, of the same four, have changed.
+    /// Four rows at a time are multiplied with u from before the four; the changes by the earlier rows of the four are then added to each product.
     pub(super) fn sweep(&self, c: usize, u: &mut [f64], f: &[f64]) -> Swept {
         let n = u.len();
         let mut swept = Swept {
@@ -327,13 +327,15 @@ impl Matrix {
         swept
     }
 
-    /// Returns the multiplications that K x takes, the mean over the channels.
+    /// Returns the multiplications of K x, the mean over the channels.
     pub(super) fn multiply_adds(&self) -> f64 {
         self.n_terms as f64 / self.n_channels as f64
     }
 }
 
-/// Makes the rows of a coarse level; `slot(i, c)` is the place of ρ in row i, `add(i, c, factor, sum)` adds the row and returns how many entries it has.
+/// Makes the rows of a coarse level.
+///
+/// `slot(i, c)` is the position of ρ in row i; `add(i, c, factor, sum)` adds the row and returns its number of entries.
 fn restrict(
     coarsening: &Coarsening,
     n_channels: usize,
@@ -342,7 +344,7 @@ fn restrict(
     add: impl Fn(usize, usize, f64, &mut [f64]) -> usize + Sync,
 ) -> Restricted {
     let mut slots = Vec::with_capacity(coarsening.n_coarse() * n_channels);
-    // The rows to be made: coarse patch, a channel that it is for, and whether for that alone.
+    // The rows to make: coarse patch, a channel that uses it, and whether for that alone.
     let mut jobs: Vec<(usize, usize, bool)> = Vec::new();
     for coarse in 0..coarsening.n_coarse() {
         let children = coarsening.children(coarse);
@@ -402,7 +404,7 @@ fn restrict(
         (row, merged, n_entries)
     };
     let made = threads::map(threads::pay(n_fine * n_fine), jobs.len(), make);
-    // Where channels have rows of their own the source is read once for each.
+    // Where channels have rows of their own, the source is read once for each.
     let is_first = |k: &usize| *k == 0 || jobs[k - 1].0 != jobs[*k].0;
     let n_of_source = (0..made.len()).filter(is_first).map(|k| made[k].2).sum();
     let n_restricted: usize = made.iter().map(|row| row.2).sum();

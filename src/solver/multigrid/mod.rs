@@ -29,35 +29,38 @@ use crate::mesh::{Hierarchy, Prolongation};
 use levels::Levels;
 use matrices::Swept;
 
-/// How the matrices of the coarse levels come about.
+/// The matrices of the coarse levels.
 #[derive(Clone, Debug, Default)]
 pub enum CoarseMatrices {
     /// K' = R K P with the area-weighted means R and injection P.
     #[default]
     Galerkin,
-    /// K' = diag(R ρ) F' with form factors of every coarser level, the finer levels first; rows of a closed room must sum to 1, or the cycles diverge.
+    /// K' = diag(R ρ) F' with form factors of every coarser level, the finer levels first.
+    ///
+    /// Rows of a closed room must sum to 1, or the cycles diverge.
     Reevaluated(Vec<FormFactors>),
 }
 
-/// How the coarsest level is solved.
+/// The solution of the coarsest level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Coarsest {
     /// By factoring I − K.
     #[default]
     Direct,
-    /// By so many sweeps of Gauss-Seidel; Lewis has 20.
+    /// By so many sweeps of Gauss-Seidel; Lewis uses 20.
     Sweeps(usize),
 }
 
-/// How the defect d = R (u − K u − f) of a level is calculated.
+/// The calculation of the defect d = R (u − K u − f) of a level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Defect {
-    /// From the changes δ that the sweep just made. When patch i has had its turn its residual is 0, and what comes after it changes that by what later patches
-    /// send: d = −R U δ, where U is K above its diagonal. That takes half of R K or less, and nothing at all in a recursive call that begins at 0 and does not sweep. R U is kept in f32 where exitances
-    /// have one sign: what that leaves wrong is 6e-8 of a correction, and goes with it.
+    /// From the changes δ of the last sweep: d = −R U δ, where U is K above its diagonal.
+    ///
+    /// After its turn the residual of patch i is 0, and only the changes of later patches add to it. That takes half of R K or less, and nothing at all in a recursive call that begins at 0 and does not sweep.
+    /// R U is stored in f32 where exitances have one sign: its error is 6e-8 of a correction, and vanishes with it.
     #[default]
     OfChanges,
-    /// From the radiosities, with all of R K in f64, as Lewis has it: the same numbers but for rounding.
+    /// From the radiosities, with all of R K in f64, as Lewis does: the same numbers but for rounding.
     OfRadiosities,
 }
 
@@ -72,40 +75,42 @@ const COARSEST_MAX: usize = 1024;
 ///
 /// u ← Gauss-Seidel(u), d = R u − R K u − R f, v ≈ (I − K')⁻¹ d, u ← u − P v,
 ///
-/// where v comes from two recursive calls: the first begins at 0 and does not smooth, the second goes on from its result (a W-cycle). What d needs of R K on all levels
-/// is calculated beforehand: with d from what the sweep has changed ([`Defect`]) it costs a tenth of a pass, from the radiosities a quarter. Patches that a coarse one joins may reflect
-/// anything, 1e-12 beside 0.999999, and v is a mean of them: no patch is corrected by more than ρ_i (max |δ| + max |P v|), as the sweep leaves an error
+/// where v comes from two recursive calls: the first begins at 0 and does not smooth, the second goes on from its result (a W-cycle). The parts of R K for d on all levels
+/// are calculated beforehand: for d from the changes of the sweep ([`Defect`]) they cost a tenth of a pass, for d from the radiosities a quarter. Patches that a coarse one joins may have
+/// any reflectances, 1e-12 beside 0.999999, and v is a mean of them: no patch is corrected by more than ρ_i (max |δ| + max |P v|), as the sweep leaves an error
 /// |e_i| ≤ ρ_i (max |δ| + max |e|) where rows sum to at most 1. Radiosities that end below 0 are set to 0, which brings them
 /// nearer to the solution, unless exitances are negative too.
 ///
 /// The number of cycles does not depend on the number of patches, and with a direct solution of the coarsest level hardly on ρ.
 ///
-/// In the room of Lewis it takes 4 cycles where Gauss-Seidel takes 11 or 12 sweeps, and as he has it 1.364, 0.602, 0.507 and 0.454 as many multiplications at l = 1 to 4
+/// In the room of Lewis it takes 4 cycles where Gauss-Seidel takes 11 or 12 sweeps, and in his form 1.364, 0.602, 0.507 and 0.454 as many multiplications at l = 1 to 4
 /// (counted, `radiosity reproduce lewis --level 4`). Times: `docs/performance.md`.
 ///
 /// Work of a cycle: 1.2 passes over F in the room of Lewis (1.36 from the radiosities), of which 1 is the serial sweep. Setup: F once, and a third of that; it is part of
-/// [`Solution::setup_work`](super::Solution::setup_work) and of the first entry of the history. Memory: R U takes at most a sixteenth of F in f64 where four patches make one, a twentieth in the room of Lewis (R K: a quarter), the coarser levels a tenth.
+/// [`Solution::setup_work`](super::Solution::setup_work) and of the first entry of the history.
+/// Memory: R U takes at most a sixteenth of F in f64 where four patches make one, a twentieth in the room of Lewis (R K: a quarter), the coarser levels a tenth.
 ///
-/// The history estimates the residual: what the sweep meets is the residual that the cycle before left; times the factor by which that fell, less a quarter, as a check that comes too early costs less than a cycle. When it meets the tolerance,
-/// the true residual is calculated. With [`true_residuals`](Self::true_residuals) that is done after every cycle, at one more pass each.
+/// The history estimates the residual: the sweep finds the residual that the cycle before left. The estimate is that times the factor by which it fell, less a quarter, as a check that comes too early costs less than a cycle.
+/// When it meets the tolerance, the true residual is calculated. With [`true_residuals`](Self::true_residuals) that is done after every cycle, at one more pass each.
 ///
 /// Without a hierarchy there are two levels: the patches, and the sets of patches that exchange light.
 /// Needs rows, not reciprocity. Where the coarsest level shows that the system multiplies light (row sums above 1), it ends as
 /// [`StopReason::Diverged`](super::StopReason::Diverged).
 ///
 /// Source: [`LEWIS_1992`](crate::references::LEWIS_1992), sections 5 and 6. Departures: the algorithm as his program must have had it, which his figure 2 does not say: u − P v with d the negative residual,
-/// v = 0 before the first recursive call, K of each level; corrections are bounded; defects from changes, Galerkin K', and a direct solution of the coarsest level, which 20 sweeps do not reach when ρ nears 1; all can be set as he had them.
+/// v = 0 before the first recursive call, K of each level; corrections are bounded; defects from changes, Galerkin K', and a direct solution of the coarsest level, which 20 sweeps do not reach when ρ
+/// nears 1; all can be set as he had them.
 #[derive(Clone, Debug, Default)]
 pub struct Multigrid {
     /// The levels; `None`: patches and sets of patches that exchange light.
     pub hierarchy: Option<Arc<Hierarchy>>,
-    /// How corrections come to the finer level.
+    /// The prolongation of corrections to the finer level.
     pub prolongation: Prolongation,
     /// The matrices of the coarse levels.
     pub coarse_matrices: CoarseMatrices,
-    /// How the coarsest level is solved.
+    /// The solution of the coarsest level.
     pub coarsest: Coarsest,
-    /// How the defects are calculated.
+    /// The calculation of the defects.
     pub defect: Defect,
     /// Whether the true residual is calculated after every cycle.
     pub true_residuals: bool,
@@ -131,7 +136,7 @@ impl Multigrid {
         if n_coarsest.is_none() || (n_coarsest > Some(COARSEST_MAX) && galerkin && self.coarsest == Coarsest::Direct) {
             let mut labels: Vec<u32> = system.components().labels.clone();
             for level in hierarchy.levels() {
-                // A union that spans several sets belongs to the one of its first patch.
+                // A union that spans several sets belongs to the set of its first patch.
                 let firsts = (0..level.n_coarse()).map(|k| labels[level.children(k)[0] as usize]);
                 labels = firsts.collect();
             }
@@ -206,7 +211,7 @@ struct Cycles<'a> {
     before: Block,
     /// f of each channel.
     exitance: Vec<Vec<f64>>,
-    /// ρ of each patch that light gets to, 0 of the others, \[c\]\[n\]. Where it is 0 the sweep leaves no error.
+    /// ρ of each patch that light reaches, 0 of the others, \[c\]\[n\]; where it is 0 the sweep leaves no error.
     reflects: Vec<Vec<f64>>,
     forecast: Forecast,
 }
@@ -272,12 +277,12 @@ impl Iteration for Cycles<'_> {
         let of_channels = v.iter().zip(&swept).zip(&self.reflects);
         for (c, ((v, swept), reflects)) in of_channels.enumerate() {
             let corrections = step.prolonged(self.settings.prolongation, v);
-            // What the sweep left wrong on a patch it reflects, from what was changed after its turn or is still wrong elsewhere.
+            // A patch reflects the error of its sweep, from changes after its turn and errors elsewhere.
             let incident = largest(&swept.changes) + largest(&corrections);
             let radiosities = self.radiosity.values_mut().iter_mut().skip(c).step_by(n_channels);
             for ((b, correction), rho) in radiosities.zip(corrections).zip(reflects) {
                 if *rho > 0.0 {
-                    // Neither `clamp` nor `max`, which would hide what is not a number.
+                    // Neither `clamp` nor `max`, which would hide NaN.
                     let most = rho * incident;
                     *b -= if correction.abs() > most {
                         most.copysign(correction)
@@ -312,7 +317,7 @@ impl Iteration for Cycles<'_> {
 
 /// Returns the largest absolute value.
 fn largest(values: &[f64]) -> f64 {
-    // Several at a time, which do not wait for one another.
+    // Several at a time, which are independent.
     let (chunks, rest) = values.as_chunks::<8>();
     let mut greatest = [0.0_f64; 8];
     for chunk in chunks {
@@ -324,7 +329,7 @@ fn largest(values: &[f64]) -> f64 {
     all.fold(0.0, |largest, value| value.abs().max(largest))
 }
 
-/// Returns what a sweep from `old` to `new`, which met the residuals `met`, did in each channel.
+/// Returns the effect, in each channel, of a sweep from `old` to `new` that found the residuals `met`.
 fn swept(new: &Block, old: Block, met: &Block) -> Vec<Swept> {
     let mut changes = old;
     for (old, new) in changes.values_mut().iter_mut().zip(new.values()) {
@@ -339,7 +344,7 @@ fn swept(new: &Block, old: Block, met: &Block) -> Vec<Swept> {
         })
         .collect();
     for (k, (change, residual)) in changes.values().iter().zip(met.values()).enumerate() {
-        // What a sweep did not change it could not: the patch sends all of its light back to itself.
+        // A change of 0 with a residual means that the patch sends all of its light back to itself.
         if *change == 0.0 && *residual != 0.0 {
             swept[k % n_channels].left.push((k / n_channels, *residual));
         }
@@ -347,7 +352,7 @@ fn swept(new: &Block, old: Block, met: &Block) -> Vec<Swept> {
     swept
 }
 
-/// Returns 1 for every patch to which light can get in a channel, else 0.
+/// Returns 1 for every patch that light can reach in a channel, otherwise 0.
 fn lit_patches(scaled: &Scaled) -> Vec<Vec<f64>> {
     let (system, emits) = (scaled.system, scaled.system.emitting_components());
     let n_channels = system.n_channels();
@@ -367,22 +372,22 @@ fn channels(block: &Block) -> Vec<Vec<f64>> {
     (0..n_channels).map(channel).collect()
 }
 
-/// By what factor residuals after a cycle scatter around what the cycles before let expect; in the room of Lewis forecasts without it are 0.6 to 2.3 times the truth.
+/// The factor by which residuals after a cycle scatter around the forecast of the cycles before.
 ///
-/// A check that fails costs less than a cycle, and one that succeeds saves a cycle and a check: it saves time if it succeeds in two of five cases.
+/// In the room of Lewis forecasts without it are 0.6 to 2.3 times the truth. A check that fails costs less than a cycle, and one that succeeds saves a cycle and a check: it saves time if it succeeds in two of five cases.
 const SCATTER: f64 = 1.25;
 
-/// The least that the residual after a cycle is likely to be, from what the sweeps of this cycle and the one before met.
+/// The least likely residual after a cycle, from the residuals that the sweeps of this cycle and the one before found.
 #[derive(Default)]
 struct Forecast {
     met: Option<Norms>,
     said: Option<Norms>,
-    /// By what factor the last forecast that was checked was too small.
+    /// The factor by which the last checked forecast was too small.
     correction: f64,
 }
 
 impl Forecast {
-    /// Takes in what the sweep of a cycle met: about the residual that the cycle before left. It goes on falling as it did.
+    /// Records the residual that the sweep of a cycle found, about that left by the cycle before, and forecasts that it goes on falling.
     fn after(&mut self, met: Norms) -> Norms {
         let correction = self.correction.max(1.0);
         let forecast = match &self.met {

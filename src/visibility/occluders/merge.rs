@@ -1,4 +1,4 @@
-//! Joining flat neighbours into larger convex polygons: the fewer edges, the less work for shadows.
+//! Joins flat neighbours into larger convex polygons: fewer edges are less work for shadows.
 
 use foldhash::{HashMap, HashMapExt as _};
 use glam::DVec3;
@@ -6,10 +6,10 @@ use glam::DVec3;
 use crate::geometry::polygon;
 use crate::scene::Scene;
 
-/// Normals of one plane differ by less than this.
+/// The greatest difference of normals of one plane.
 const ANGLE_TOLERANCE: f64 = 1e-12;
 
-/// The same where corners were rounded: small faces lean the most.
+/// The same where corners were rounded; small faces lean the most.
 const ROUNDED_ANGLE: f64 = 1e-3;
 
 type Edge = (u32, u32);
@@ -20,8 +20,8 @@ fn edge(a: u32, b: u32) -> Edge {
 
 /// Returns the faces of a scene as vertex loops, coincident ones once, and flat neighbours with a convex union joined.
 ///
-/// Faces block from both sides, so that the two faces of a sheet count as one; of joined faces all turn their fronts the same way. The
-/// second part of each item is the list of the faces that it is made of. Faces without an area are left out. Corners of flat neighbours are off their plane by `off`, m, at most, as rounding moves them.
+/// Faces occlude from both sides, so that the two faces of a sheet count as one; the fronts of all faces joined into one loop look the same way. The
+/// second part of each item lists the faces of the loop. Faces without an area are left out. Corners of flat neighbours are off their plane by at most `off`, m, as rounding moves them.
 pub(super) fn convex_polygons(scene: &Scene, off: f64) -> Vec<(Vec<u32>, Vec<u32>)> {
     let mut merger = Merger {
         vertices: &scene.vertices,
@@ -116,7 +116,7 @@ impl Merger<'_> {
             };
             let other = if x == k { y } else { x };
             let leaning = if self.off > 0.0 { ROUNDED_ANGLE } else { ANGLE_TOLERANCE };
-            // A finely cut wall has long loops: a neighbour along many edges is looked at once, and one that leaves a concave corner not as a whole.
+            // A finely cut wall has long loops: a neighbour along many edges is tested once, and one that leaves a concave corner only there.
             if other == k
                 || last_refused == Some(other)
                 || (self.loops[k].normal - self.loops[other].normal).length() > leaning
@@ -156,7 +156,7 @@ impl Merger<'_> {
         };
         let at = |corners: &[u32], corner: usize| self.vertices[corners[corner % corners.len()] as usize];
         let normal = self.loops[k].normal;
-        // The last corners that both have, each between a corner of the one loop and one of the other.
+        // The last common corners, each between a corner of the one loop and one of the other.
         let is_concave = |from: DVec3, corner: DVec3, to: DVec3| !turns_in(normal, corner - from, to - corner);
         is_concave(
             at(second, j + m - after),
@@ -247,7 +247,7 @@ fn without_straight_corners(vertices: &[DVec3], l: &Loop) -> Vec<u32> {
         l.normal.dot(before.cross(after)) > ANGLE_TOLERANCE * before.length() * after.length()
     });
     let kept: Vec<u32> = turning.map(|i| l.corners[i]).collect();
-    // A loop must keep its area whatever rounding says.
+    // A loop must keep its area in spite of rounding.
     let area = |corners: &[u32]| {
         let points: Vec<DVec3> = corners.iter().map(|&k| vertices[k as usize]).collect();
         polygon::area_vector(&points).length()

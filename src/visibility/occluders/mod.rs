@@ -28,14 +28,15 @@ pub struct OccluderId(pub u32);
 pub struct Occluder<'a> {
     /// The corners in order, in m.
     pub corners: Cow<'a, [DVec3]>,
-    /// True if light that would meet the back has always met another occluder's front before: the polygon is a side of a closed convex
-    /// solid, both patches lie outside, and all sides of the solid that the light may meet are among the occluders.
+    /// True if light that would meet the back has always met the front of another occluder first.
+    ///
+    /// The polygon is then a side of a closed convex solid, both patches lie outside, and all sides of the solid that the light may meet are among the occluders.
     pub one_sided: bool,
     /// The solid that it is a side of, where that is known.
     pub body: Option<Body<'a>>,
 }
 
-/// A closed convex solid, as what several occluders are sides of.
+/// A closed convex solid with several occluders as sides.
 #[derive(Clone, Copy, Debug)]
 pub struct Body<'a>(pub(crate) &'a Solid);
 
@@ -45,14 +46,14 @@ impl PartialEq for Body<'_> {
     }
 }
 
-/// How much two patches see of each other.
+/// The visibility between two patches.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum PairVisibility {
-    /// Everything in front of each other's planes: no occluder.
+    /// Each sees all of the other in front of its plane: no occluder.
     Full,
-    /// Nothing: their fronts do not face each other, or one polygon or one convex solid hides all.
+    /// Hidden: their fronts do not face each other, or one polygon or one convex solid hides all.
     None,
-    /// Perhaps a part: these occluders reach into the space between them. There may be nothing left, which integration then finds.
+    /// Perhaps partial: these occluders reach into the space between them. Integration may find that they hide all.
     Partial(Vec<OccluderId>),
 }
 
@@ -60,12 +61,14 @@ pub enum PairVisibility {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Between {
     pub(crate) visibility: PairVisibility,
-    /// True if something was left out that reaches in between by no more than rounded coordinates explain, or what hides all leaves a gap by no more.
+    /// True if the result depends on the rounding of coordinates.
+    ///
+    /// Either an occluder was left out that reaches in between by no more than rounding, or one that hides all leaves a gap by no more.
     pub(crate) touched: bool,
 }
 
 impl Between {
-    /// Returns what is so for certain.
+    /// Returns a result that does not depend on rounding.
     pub(crate) fn certain(visibility: PairVisibility) -> Self {
         Self {
             visibility,
@@ -82,19 +85,19 @@ struct Entry {
     /// The box around the corners.
     low: DVec3,
     high: DVec3,
-    /// The least and the greatest height of a corner over the plane: a quad may be bent.
+    /// The least and the greatest height of a corner over the plane, as a quad may be bent.
     heights: [f64; 2],
     faces: Vec<FaceId>,
-    /// The corners of these faces, where they are several and rounding may have them stand out of the polygon.
+    /// The corners of its faces, if there are several and rounding may move them out of the polygon.
     parts: Vec<Vec<DVec3>>,
     solid: Option<u32>,
 }
 
 impl Entry {
-    /// Returns how the polygon, as its faces are, lies to the end of a shaft.
+    /// Returns the position of the polygon, by its faces, relative to the end of a shaft.
     fn levels(&self, end: &[DVec3], slack: f64) -> Levels {
         let found = Levels::of(end, &self.corners, slack);
-        // A face in the middle of the polygon that rounding has put beside its plane, by as much at all corners, has no gap to the polygon that it is a part of.
+        // A face in the middle of the polygon that rounding has put beside its plane, equally at all corners, has no gap to the polygon.
         let touches = |part: &Vec<DVec3>| Levels::of(end, part, slack) == Levels::Touching;
         if found == Levels::Gap && self.parts.iter().any(touches) {
             Levels::Touching
@@ -104,15 +107,15 @@ impl Entry {
     }
 }
 
-/// The faces of a scene, prepared for queries which of them occlude two convex polygons from each other.
+/// The faces of a scene, prepared for finding the occluders between two convex polygons.
 ///
 /// Flat neighbouring faces with a convex union are joined, and coincident faces count once, so that a triangulated or finely cut wall is
 /// one occluder. Queries run in f64 through a tree of boxes.
 ///
 /// A query is conservative: [`PairVisibility::Full`] and [`PairVisibility::None`] are proven, up to a tolerance of 1e-10 of the width that the hull of the two polygons
-/// has there (and 16 ulps of the coordinates that matter there), below which a face does not count as reaching in between. The tolerance beside a small patch does not grow with the size or the distance of the other. Where the scene's coordinates were rounded, as those of a file with six
-/// decimals, two units of their last digit are added (see the source of `Scene::slack`): faces that were meant to touch do not stand in each other's way, and the two sides of a sheet that
-/// rounding has parted do not see each other.
+/// has there (and 16 ulps of the coordinates that matter there), below which a face does not count as reaching in between. The tolerance beside a small patch does not grow with the size or the distance of the other.
+/// Where the scene's coordinates were rounded, as those of a file with six decimals, two units of their last digit are added (see the source of `Scene::slack`):
+/// faces that were meant to touch do not occlude each other, and the two sides of a sheet that rounding has parted do not see each other.
 /// Faces that only touch the convex hull of the two polygons (neighbours, walls that they stand on or lie in) are not occluders.
 ///
 /// Source: the shaft of E. A. Haines and J. R. Wallace, "Shaft Culling for Efficient Ray-Traced Radiosity", 1991.
@@ -124,7 +127,7 @@ pub struct OccluderIndex {
     tree: BoxTree,
     /// [`Scene::slack`].
     slack: f64,
-    /// No patch reaches less far from its middle, in m; 0 where that is not known.
+    /// The least distance of a patch's farthest corner from its middle, in m; 0 where it is unknown.
     least_reach: f64,
 }
 
@@ -179,17 +182,17 @@ impl OccluderIndex {
         }
     }
 
-    /// Takes note that no polygon will be asked for whose corners reach less far from their mean than `reach`, m.
+    /// Sets the least reach of later queries' polygons: the greatest distance of a corner from their mean, m.
     pub(crate) fn expect_reach(&mut self, reach: f64) {
         self.least_reach = reach;
     }
 
-    /// Returns how far a face may reach in between two others, in m, and be left out for the rounding of coordinates.
+    /// Returns how far a face may reach in between two others, in m, and still be left out as rounding of coordinates.
     pub(crate) fn slack(&self) -> f64 {
         self.slack
     }
 
-    /// Returns the number of occluders: of faces that were left after joining.
+    /// Returns the number of occluders, which are the faces after joining.
     #[must_use]
     pub fn n_occluders(&self) -> usize {
         self.entries.len()
@@ -201,7 +204,7 @@ impl OccluderIndex {
         &self.entries[occluder.0 as usize].corners
     }
 
-    /// Returns the faces that an occluder is made of.
+    /// Returns the faces of an occluder.
     #[must_use]
     pub fn faces(&self, occluder: OccluderId) -> &[FaceId] {
         &self.entries[occluder.0 as usize].faces
@@ -212,7 +215,7 @@ impl OccluderIndex {
         self.entries[occluder.0 as usize].solid.map(|solid| solid as usize)
     }
 
-    /// Returns for each closed convex solid whether a point lies outside of it for certain.
+    /// Returns whether a point certainly lies outside, for each closed convex solid.
     pub(crate) fn solids_without(&self, point: DVec3) -> Vec<bool> {
         let excludes = |solid: &Solid| solid.excludes(&[point], self.slack);
         self.solids.iter().map(excludes).collect()
@@ -220,14 +223,14 @@ impl OccluderIndex {
 
     /// Finds the occluders between two convex planar polygons, wound counter-clockwise seen from their fronts.
     ///
-    /// The answer holds for all parts of the polygons too, as far as it says [`Full`](PairVisibility::Full) or [`None`](PairVisibility::None);
-    /// else ask [`classify_among`](Self::classify_among) for the parts.
+    /// [`Full`](PairVisibility::Full) and [`None`](PairVisibility::None) hold for all parts of the polygons too;
+    /// otherwise call [`classify_among`](Self::classify_among) for the parts.
     #[must_use]
     pub fn classify(&self, p: &[DVec3], q: &[DVec3]) -> PairVisibility {
         self.between(p, q).visibility
     }
 
-    /// Does what [`classify`](Self::classify) does, and tells what was left out for the rounding of coordinates.
+    /// Does the work of [`classify`](Self::classify), and reports whether an occluder was left out for the rounding of coordinates.
     pub(crate) fn between(&self, p: &[DVec3], q: &[DVec3]) -> Between {
         let all = |look_at: &mut dyn FnMut(OccluderId) -> bool, shaft: &Shaft<'_>| {
             let meets = |(low, high)| shaft.may_meet_box(low, high);
@@ -238,7 +241,7 @@ impl OccluderIndex {
                     ControlFlow::Break(())
                 }
             };
-            // Nothing is left to do where it breaks off.
+            // The search has no result of its own.
             let _ = self.tree.meeting(&meets, &mut |k| goes_on(look_at(OccluderId(k))));
         };
         self.classify_with(p, q, self.slack, all).0
@@ -249,25 +252,27 @@ impl OccluderIndex {
         self.slack > 0.0 && are_sides_of_a_sheet(p, q, self.slack)
     }
 
-    /// Finds which of the polygons `among` occlude two convex polygons from each other.
+    /// Finds the occluders between two convex polygons among those given.
     ///
-    /// For parts of two larger polygons, whose own occluders are all that the parts can have.
+    /// It serves parts of two larger polygons, as their occluders are among those of the larger ones.
     #[must_use]
     pub fn classify_among(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId]) -> PairVisibility {
         self.between_among(p, q, among).visibility
     }
 
-    /// Does what [`classify_among`](Self::classify_among) does, and tells what was left out for the rounding of coordinates.
+    /// Does the work of [`classify_among`](Self::classify_among), and reports whether an occluder was left out for the rounding of coordinates.
     pub(crate) fn between_among(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId]) -> Between {
         self.classify_with(p, q, self.slack, each_of(among)).0
     }
 
-    /// Finds which of the occluders `among` of a pair occlude two parts of it that no corners of the scene bound: nothing was meant to touch these, and nothing is left out for rounding.
+    /// Finds the occluders, `among` those of a pair, between two parts of it that no corners of the scene bound.
+    ///
+    /// Nothing was meant to touch these parts, and nothing is left out for rounding.
     pub(crate) fn classify_cut(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId]) -> PairVisibility {
         self.classify_with(p, q, 0.0, each_of(among)).0.visibility
     }
 
-    /// Looks at occluders until one hides all for certain, and tells which; what reaches in between by less than `slack`, m, is left out.
+    /// Tests occluders until one certainly hides all, and returns that one; an occluder that reaches in between by less than `slack`, m, is left out.
     fn classify_with(
         &self,
         p: &[DVec3],
@@ -281,7 +286,7 @@ impl OccluderIndex {
         self.classify_no_sheet(p, q, slack, each)
     }
 
-    /// Does what [`classify_with`](Self::classify_with) does for polygons that are not both sides of a sheet.
+    /// Does the work of [`classify_with`](Self::classify_with) for polygons that are not both sides of a sheet.
     fn classify_no_sheet(
         &self,
         p: &[DVec3],
@@ -312,7 +317,7 @@ impl OccluderIndex {
             ..
         } = look;
         if is_closed {
-            // What is closed leaves nothing open but what rounding explains.
+            // A closed pair is open only by what rounding explains.
             let between = Between {
                 visibility: PairVisibility::None,
                 touched: closer.is_none(),
@@ -328,7 +333,7 @@ impl OccluderIndex {
         (Between { visibility, touched }, None)
     }
 
-    /// Returns how many occluders these are, counting no more than three of one convex solid: as many sides does a box show.
+    /// Returns the number of occluders, counting at most three of one convex solid, as many as the visible sides of a box.
     pub(crate) fn count(&self, occluders: &[OccluderId]) -> usize {
         let mut solids: Vec<u32> = occluders
             .iter()
@@ -343,21 +348,21 @@ impl OccluderIndex {
                 .sum::<usize>()
     }
 
-    /// Returns two patches as they were meant where rounding has parted them, or one from the other's plane: `None` where nothing tells that they were to meet.
+    /// Returns two patches as they were meant where rounding has parted them, or one from the other's plane; `None` without signs that they were to meet.
     pub(crate) fn meeting(&self, p: &[DVec3], q: &[DVec3]) -> Option<[Vec<DVec3>; 2]> {
         touching::meeting(p, q, self.slack)
     }
 
-    /// Returns whether any of the [`occluders`](Self::occluders) is not where the file has it, because it stands on one of the patches.
+    /// Returns whether any of the [`occluders`](Self::occluders) is moved from its position in the file, because it stands on one of the patches.
     pub(crate) fn any_stands_on(&self, p: &[DVec3], q: &[DVec3], occluders: &[OccluderId]) -> bool {
         let mut corners = occluders.iter().map(|&id| self.corners(id));
         corners.any(|corners| matches!(touching::standing_on([p, q], corners, self.slack), Cow::Owned(_)))
     }
 
-    /// Returns the polygons of the occluders between two patches, as integration wants them.
+    /// Returns the polygons of the occluders between two patches, as integration needs them.
     ///
-    /// Where coordinates are rounded, an occluder that stands on one of the patches, no farther from its plane than that explains, reaches through the plane: the slit that rounding has left under it,
-    /// or not, is narrower than what can be known of it, and takes very many evaluations.
+    /// Where coordinates are rounded, an occluder that stands on one of the patches, no farther from its plane than rounding explains, is extended through the plane: the slit that rounding may have left under it
+    /// is narrower than the accuracy of its position, and takes very many evaluations.
     #[must_use]
     pub fn occluders(&self, p: &[DVec3], q: &[DVec3], occluders: &[OccluderId]) -> Vec<Occluder<'_>> {
         let mut outside: Vec<(u32, bool)> = Vec::new();
@@ -379,7 +384,7 @@ impl OccluderIndex {
                 body: body.map(|index| Body(&self.solids[index as usize])),
             });
         }
-        // A solid that was moved to stand on a patch, where coordinates are rounded, is no longer what the file has.
+        // A solid that was moved to stand on a patch, where coordinates are rounded, differs from the file's.
         let moved = found
             .iter()
             .filter(|side| self.slack > 0.0 && matches!(side.corners, Cow::Owned(_)));
@@ -391,16 +396,16 @@ impl OccluderIndex {
     }
 }
 
-/// A look at the occluders between two polygons, one after the other.
+/// A test of the occluders between two polygons, one after the other.
 struct Look<'a> {
     index: &'a OccluderIndex,
     ends: [&'a [DVec3]; 2],
     shaft: &'a Shaft<'a>,
     slack: f64,
     found: Vec<OccluderId>,
-    /// The occluder that hides all for certain.
+    /// The occluder that certainly hides all.
     closer: Option<Closer>,
-    /// Whether all is hidden, but for what passes by rounding.
+    /// Whether all is hidden, but for light that passes by rounding.
     is_closed: bool,
     /// See [`Between::touched`].
     touched: bool,
@@ -408,9 +413,9 @@ struct Look<'a> {
 }
 
 impl Look<'_> {
-    /// Looks at one more occluder; false where no more need be looked at.
+    /// Tests one more occluder; returns false once no more tests are needed.
     ///
-    /// An occluder in the plane of a patch hides nothing from it; one that is a gap off, which was meant, hides it, however narrow that is.
+    /// An occluder in the plane of a patch hides nothing from it; one at a gap that was meant hides it, however narrow the gap is.
     fn at(&mut self, occluder: OccluderId) -> bool {
         let (shaft, entry) = (self.shaft, &self.index.entries[occluder.0 as usize]);
         if shaft.is_apart_from(entry.low, entry.high) || !self.meets(entry) {
@@ -454,27 +459,27 @@ impl Look<'_> {
     }
 }
 
-/// Returns what looks at some occluders, one after the other.
+/// Returns a function that visits some occluders, one after the other.
 fn each_of(among: &[OccluderId]) -> impl FnOnce(&mut dyn FnMut(OccluderId) -> bool, &Shaft<'_>) {
     |look_at, _| {
         among.iter().all(|&k| look_at(k));
     }
 }
 
-/// Heights that differ by less than this share of the greatest are those of a gap that was meant, between parallel plates.
+/// The share of the greatest height below which heights may differ across a gap that was meant, between parallel plates.
 const PARALLEL: f64 = 1e-3;
 
-/// A polygon smaller than this many slacks is not told from rounding.
+/// The size in slacks below which a polygon may be rounding.
 const MIN_SLACKS: f64 = 100.0;
 
-/// How two polygons lie to each other whose corners are rounded.
+/// The relative position of two polygons whose corners are rounded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Levels {
-    /// In different planes, or too small to tell.
+    /// In different planes, or too small to decide.
     Apart,
-    /// In one plane but for the rounding of corners: if they face each other, they are the two sides of a sheet, which rounding has parted.
+    /// In one plane but for the rounding of corners: if they face each other, they are the two sides of a sheet that rounding has parted.
     Touching,
-    /// In parallel planes, as near as rounding might have brought them; but it would not have left them parallel.
+    /// In parallel planes, as near as rounding might have brought them, although rounding would not have left them parallel.
     Gap,
 }
 
@@ -499,18 +504,21 @@ impl Levels {
     }
 }
 
-/// Patches of one plane whose normals differ by less see nothing of each other that counts: the form factor is a quarter of the square at most.
+/// The greatest difference of normals of patches of one plane: the form factor between them is at most a quarter of its square.
 const ONE_PLANE: f64 = 2e-6;
 
-/// Returns whether two polygons that seem to face each other are two sides of a sheet, or parts of one plane, which coordinates rounded by up to `slack`, m, have parted.
+/// Returns whether two polygons that seem to face each other are two sides of a sheet, or parts of one plane.
+///
+/// Coordinates rounded by up to `slack`, m, have then parted them.
 pub(crate) fn are_sides_of_a_sheet(p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
     let [one, other] = [p, q].map(|corners| Plane::of(corners).normal);
     let is_sheet = one.dot(other) < 0.0 || one.distance(other) < ONE_PLANE;
     is_sheet && Levels::of(p, q, slack) == Levels::Touching
 }
 
-/// Returns whether a polygon is no farther from the plane of another one than rounding explains: by the slack where the other is, and off it by as much more as it is farther away than
-/// the other is wide, because the plane of a narrow polygon leans.
+/// Returns whether a polygon is no farther from the plane of another one than rounding explains.
+///
+/// Rounding explains the slack near the other polygon, and beyond that more in proportion to the distance over the other's width, because the plane of a narrow polygon leans.
 fn is_level(p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
     let (plane, lean) = (Plane::of(q), Lean::of(q));
     p.iter().all(|&v| plane.height(v).abs() <= lean.height(slack, v))

@@ -1,4 +1,4 @@
-//! Closed convex solids among the faces of a scene: of these, a point outside need look at the near side only.
+//! Closed convex solids among the faces of a scene: a point outside need test the near sides only.
 
 use std::collections::HashMap;
 
@@ -9,10 +9,10 @@ use super::super::shaft::Shaft;
 use crate::scene::topology::Pieces;
 use crate::scene::{FaceId, Scene};
 
-/// No solid has fewer polygons than a tetrahedron.
+/// The fewest polygons of a solid, those of a tetrahedron.
 const MIN_POLYGONS: usize = 4;
 
-/// A solid with more polygons is not looked at for convexity, which takes polygons × corners: its shadows then only cost more.
+/// The most polygons of a solid that is tested for convexity, which takes polygons × corners; shadows of larger ones only cost more.
 const MAX_POLYGONS: usize = 2000;
 
 /// An edge of a solid.
@@ -24,15 +24,15 @@ pub(crate) struct Ridge {
     pub(crate) sides: [usize; 2],
 }
 
-/// A closed convex solid whose faces look outwards; a side where it stands on other faces may be missing.
+/// A closed convex solid whose faces look outwards; a side on which it stands on other faces may be missing.
 #[derive(Clone, Debug)]
 pub(crate) struct Solid {
     planes: Vec<Plane>,
     /// The corners, each once.
     corners: Vec<DVec3>,
-    /// The edges; none where not all of them are edges of two sides each.
+    /// The edges; empty unless each is an edge of two sides.
     ridges: Vec<Ridge>,
-    /// Of the sides, in the order of their planes.
+    /// The leans of the sides, in the order of their planes.
     leans: Vec<Lean>,
     /// A point inside.
     middle: DVec3,
@@ -45,7 +45,7 @@ impl Solid {
     ///
     /// It does if it is in front of one of the solid's planes, or if its own plane holds no side of the solid and has all of it on one side.
     ///
-    /// A polygon in the plane of a side may lie behind that side, which then hides nothing from it: it counts as outside only if another plane tells.
+    /// A polygon in the plane of a side may lie behind that side, which then hides nothing from it: it counts as outside only by another plane.
     /// A point within `slack`, m, and rounding of a plane counts as in it.
     pub(super) fn excludes(&self, corners: &[DVec3], slack: f64) -> bool {
         let tolerance = slack + rounding(corners).max(self.rounding);
@@ -65,7 +65,7 @@ impl Solid {
                 n_within += 1;
             }
         }
-        // A corner or an edge that stands on the polygon takes nothing of it away.
+        // A corner or an edge that stands on the polygon covers nothing of it.
         n_within <= 2 && (n_before == 0 || n_behind == 0)
     }
 
@@ -103,7 +103,7 @@ impl Solid {
 
     /// Returns whether the solid alone stops all light between two polygons. Errs on the side of false.
     pub(super) fn closes(&self, shaft: &Shaft<'_>, p: &[DVec3], q: &[DVec3], slack: f64) -> bool {
-        // From inside of the solid to its inside nothing is in the way.
+        // Between two inner points of the solid nothing is in the way.
         shaft.is_closed_by_solid(self.middle, &self.planes, self.rounding)
             && (self.excludes(p, slack) || self.excludes(q, slack))
     }
@@ -125,7 +125,7 @@ pub(super) fn find(
     }
     let mut polygons_of_piece: HashMap<u32, Vec<usize>> = HashMap::new();
     for (k, (_, faces)) in polygons.iter().enumerate() {
-        // A polygon that stands for two coincident faces is no side of a solid: light may come from either.
+        // A polygon made of two coincident faces is no side of a solid: light may come from either.
         let mut pieces = faces.iter().map(|face| piece_of_face[face.0 as usize]);
         if let Some(Some(first)) = pieces.next()
             && pieces.all(|piece| piece == Some(first))
@@ -148,7 +148,7 @@ pub(super) fn find(
             .map(|&k| polygons[k].0.as_slice())
             .chain(caps.iter().copied())
             .collect();
-        // A sheet of one polygon is closed too: each of its edges is run along once in each sense. It has no inside.
+        // A sheet of one polygon is closed too, as each of its edges is used once in each direction, but it has no inside.
         if outlines.len() < MIN_POLYGONS || outlines.len() > MAX_POLYGONS || covered != n_faces[&piece] {
             continue;
         }
@@ -179,9 +179,9 @@ pub(super) fn find(
 
 /// The corners of a closed surface: those within `off`, m, of each other are one.
 struct Corners {
-    /// The first of each.
+    /// The first corner of each group.
     firsts: Vec<(DVec3, usize)>,
-    /// Of all corners, side by side, the place of the first that it is one with.
+    /// For all corners, side by side, the index of their group's first corner.
     first_of: Vec<usize>,
 }
 
@@ -203,7 +203,7 @@ impl Corners {
     }
 }
 
-/// Returns the edges of a closed surface; `None` where an edge is not one of two sides, as at a corner in the middle of another side's edge.
+/// Returns the edges of a closed surface; `None` if an edge does not belong to two sides, as at a corner in the middle of another side's edge.
 fn ridges(sides: &[&[DVec3]], first_of: &[usize]) -> Option<Vec<Ridge>> {
     let (mut ridges, mut open, mut begin) = (Vec::new(), HashMap::new(), 0);
     for (side, corners) in sides.iter().enumerate() {

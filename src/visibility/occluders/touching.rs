@@ -1,7 +1,7 @@
 //! Faces that touch but for the rounding of their coordinates.
 //!
-//! Polygons with an edge in common, which rounding has parted by a millionth of their size, see each other differently within that of the edge, and so do a floor and what shines through the slit under a
-//! wall. An integral to a tolerance resolves such things with millions of evaluations and knows no more of the scene than before: here they touch.
+//! Two polygons with a common edge that rounding has parted by a millionth of their size have a different view within that distance of the edge, and so does a floor of the light that shines through the slit under a
+//! wall. An integral to a tolerance resolves such views with millions of evaluations, although they are not a property of the scene as it was meant: here such faces touch.
 
 use std::borrow::Cow;
 
@@ -9,16 +9,16 @@ use glam::DVec3;
 
 use super::{MIN_SLACKS, Plane};
 
-/// Planes whose normals are nearer than this square of a sine have no line in common that is known well enough.
+/// The squared sine between normals below which two planes have no well-defined line in common.
 const PARALLEL: f64 = 1e-3;
 
-/// Corners that were meant to touch move by no more than this many slacks.
+/// The greatest move of corners that were meant to touch, in slacks.
 const FARTHEST: f64 = 4.0;
 
-/// Returns two convex polygons of which one has corners within `slack`, m, of the other's plane, as flat ones with these corners on the line that the planes share; `None` if neither has, or if all of
-/// one are as near, so that what it sees is not told from rounding.
+/// Returns two convex polygons as they were meant, if one has corners within `slack`, m, of the other's plane.
 ///
-/// No corner moves by more than a few times `slack`.
+/// Both become flat, with these corners on the line that the planes share. No corner moves by more than a few times `slack`.
+/// `None` if neither has such corners, or if all of one are as near, so that its view may be rounding alone.
 pub(super) fn meeting(p: &[DVec3], q: &[DVec3], slack: f64) -> Option<[Vec<DVec3>; 2]> {
     if slack <= 0.0 {
         return None;
@@ -65,7 +65,9 @@ fn through_middle(corners: &[DVec3]) -> Plane {
     Plane { point: middle, ..plane }
 }
 
-/// Returns the corners of an occluder that stands on a patch: those within `slack`, m, of the patch's plane are moved behind it by as much, so that no light passes under it.
+/// Returns the corners of an occluder that stands on a patch, moved so that no light passes under it.
+///
+/// The corners within `slack`, m, of the patch's plane are moved behind it by as much.
 pub(crate) fn standing_on<'a>(patches: [&[DVec3]; 2], occluder: &'a [DVec3], slack: f64) -> Cow<'a, [DVec3]> {
     let mut corners = Cow::Borrowed(occluder);
     if slack <= 0.0 {
@@ -133,7 +135,7 @@ mod tests {
         let plane = through_middle(&floor);
         assert!([0, 3].iter().all(|&k| plane.height(standing[k]) < -1.9e-6));
         assert!([1, 2].iter().all(|&k| standing[k] == plate[k]));
-        // What hangs over it, lies on it, or is meant as it is stays.
+        // A plate that hangs over it, lies on it, or has exact coordinates stays.
         let hanging: Vec<DVec3> = plate.iter().map(|v| *v + 1e-3 * DVec3::Z).collect();
         let lying: Vec<DVec3> = floor.iter().map(|v| 0.5 * *v + DVec3::new(0.5, 0.2, 1e-6)).collect();
         for (occluder, slack) in [(&hanging, 2e-6), (&lying, 2e-6), (&plate, 0.0)] {

@@ -1,4 +1,4 @@
-//! Occluders between one polygon and all that lies in a box: found once, and narrowed down as the box shrinks.
+//! Occluders between one polygon and everything in a box: found once, and narrowed down as the box shrinks.
 
 use std::ops::{Deref, Range};
 
@@ -15,7 +15,7 @@ pub(crate) enum Candidate {
     Polygon(OccluderId),
 }
 
-/// A thing that hides a polygon from others, alone.
+/// An occluder that alone hides a polygon from others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Closer {
     /// A polygon.
@@ -24,7 +24,7 @@ pub(crate) enum Closer {
     Solid(u32),
 }
 
-/// The measures of a polygon that searches need again and again.
+/// Measures of a polygon that searches use repeatedly.
 #[derive(Clone, Debug)]
 pub(crate) struct Measures {
     plane: Plane,
@@ -36,7 +36,7 @@ pub(crate) struct Measures {
     rounding: f64,
 }
 
-/// A convex polygon, as searches see it.
+/// A convex polygon with its measures, for searches.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Outlook<'a> {
     pub(crate) corners: &'a [DVec3],
@@ -51,10 +51,12 @@ impl Deref for Outlook<'_> {
     }
 }
 
-/// Heights of so many ulps over a plane may be 0: a quarter of what a shaft neglects at its sides.
+/// The height over a plane, in units of the polygon's rounding, that may be 0: a quarter of the height that a shaft neglects at its sides.
 const IN_PLANE: f64 = 0.25;
 
-/// Things between a polygon and a box are no nearer to either than this part of the polygon's size, nor than so many times the distance by which rounding moves a corner.
+/// The least distance of an occluder between a polygon and a box from either, as a part of the polygon's size.
+///
+/// It is also at least so many times the distance by which rounding moves a corner.
 const OFF: f64 = 1e-9;
 const OFF_SLACKS: f64 = 400.0;
 
@@ -73,18 +75,18 @@ impl Measures {
 }
 
 impl Outlook<'_> {
-    /// Returns the height over the polygon's plane up to which all counts as in it, where the smaller of two polygons has this reach.
+    /// Returns the height over the polygon's plane up to which points count as in it, where the smaller of two polygons has this reach.
     fn least_height(&self, smaller_reach: f64) -> f64 {
         self.rounding.min(MIN_HEIGHT * smaller_reach)
     }
 
-    /// Returns whether a polygon rises over this one's plane, as the first look of a shaft does.
+    /// Returns whether a polygon rises over this one's plane, as the first test of a shaft does.
     fn is_risen_over_by(&self, corners: &[DVec3], smaller_reach: f64) -> bool {
         let level = self.least_height(smaller_reach);
         corners.iter().any(|&v| self.plane.height(v) > level)
     }
 
-    /// Returns whether this polygon and another lie so high over each other's planes that light passes between them for certain, if nothing stands there.
+    /// Returns whether this polygon and another lie so high over each other's planes that light certainly passes between them without occluders.
     pub(crate) fn faces_clearly(&self, other: &Self) -> bool {
         let is_over = |plane: &Self, polygon: &Self| {
             let most = plane.reach + polygon.reach;
@@ -96,18 +98,18 @@ impl Outlook<'_> {
         is_over(self, other) && is_over(other, self)
     }
 
-    /// Returns whether another polygon is too far off this one's plane to be the other side of a sheet, whatever way either leans.
+    /// Returns whether another polygon is too far off this one's plane to be the other side of a sheet, however either leans.
     fn is_parted_from(&self, other: &Self, slack: f64) -> bool {
         let most = slack * (2.0 + MAX_LEAN);
         other.corners.iter().any(|&v| self.plane.height(v).abs() > most)
     }
 }
 
-/// The planes around a polygon's box and another: the convex hull of both but for the corners.
+/// The planes around a polygon's box and another box: the convex hull of both but for the corners.
 struct Around {
     low: DVec3,
     high: DVec3,
-    /// Normal and level: all of the hull has no greater n · x.
+    /// Normal and level of each: n · x of the hull is at most the level.
     sides: [(DVec3, f64); 6],
     n_sides: usize,
     /// The box of the others.
@@ -124,7 +126,7 @@ impl Around {
             n_sides: 0,
             to,
         };
-        // What rounding makes of a level.
+        // The rounding of a level.
         let ulps = 8.0 * f64::EPSILON * around.low.abs().max(around.high.abs()).max_element();
         for (a, b) in [(0, 1), (0, 2), (1, 2)] {
             for (up_a, up_b) in [(true, true), (true, false), (false, true), (false, false)] {
@@ -133,7 +135,7 @@ impl Around {
                 };
                 let ([p, q], [r, s]) = (corner(from.low, from.high), corner(to.0, to.1));
                 let [along_a, along_b] = [r - p, s - q];
-                // Of both normals the one that points out, if any does.
+                // The outward one of the two normals, if either is.
                 let sign = |up: bool| if up { 1.0 } else { -1.0 };
                 let normal = [along_b.abs() * sign(up_a), along_a.abs() * sign(up_b)];
                 if along_a * sign(up_a) * along_b * sign(up_b) >= 0.0 {
@@ -170,9 +172,9 @@ impl OccluderIndex {
         self.tree.root().into_iter().map(Candidate::Node).collect()
     }
 
-    /// Adds to `list` what of its range `among` may occlude anything in a box from a polygon.
+    /// Adds to `list` the candidates of its range `among` that may occlude anything in a box from a polygon.
     ///
-    /// Left out is only what [`between`](Self::between) would not count as reaching in between for any polygon in the box. Nodes that are large beside the box are opened; all are where `in_full`.
+    /// It leaves out only those that [`between`](Self::between) would leave out for every polygon in the box. Nodes that are large beside the box are opened; all are where `in_full`.
     pub(crate) fn narrow(
         &self,
         from: &Outlook<'_>,
@@ -234,7 +236,7 @@ impl OccluderIndex {
         if !around.meets(entry.low, entry.high) || !from.is_risen_over_by(&entry.corners, self.least_reach) {
             return false;
         }
-        // What has both on one side does not reach in between.
+        // An occluder with both on one side does not reach in between.
         let [low, high] = entry.plane.heights(from.corners);
         let (middle, reach) = (around.to.0.midpoint(around.to.1), (around.to.1 - around.to.0) * 0.5);
         let (height, off) = (entry.plane.height(middle), entry.plane.normal.abs().dot(reach));
@@ -243,9 +245,9 @@ impl OccluderIndex {
         !(low >= greatest && height - off >= greatest || high <= least && height + off <= least)
     }
 
-    /// Finds the occluders between two polygons, `among` all candidates, none of which is a node; tells what hides all, if anything does. `closer` is looked at first.
+    /// Finds the occluders between two polygons, `among` all candidates, none of which is a node, and returns the one that hides all, if any.
     ///
-    /// The answer is that of [`between`](Self::between).
+    /// `closer` is tested first. The result is that of [`between`](Self::between).
     pub(crate) fn between_candidates(
         &self,
         from: &Outlook<'_>,
@@ -304,7 +306,7 @@ impl OccluderIndex {
         }
     }
 
-    /// Returns whether one polygon or solid hides all that lies in a box from a polygon. Errs on the side of false.
+    /// Returns whether one polygon or solid hides everything in a box from a polygon. Errs on the side of false.
     pub(crate) fn hides_box(&self, closer: Closer, from: &Outlook<'_>, to: (DVec3, DVec3)) -> bool {
         let off = (OFF * from.reach).max(OFF_SLACKS * self.slack).max(from.rounding);
         match closer {
@@ -337,7 +339,9 @@ impl OccluderIndex {
     }
 }
 
-/// Returns whether a plane parts a polygon and a box by more than `off` on either side, and all segments between them cross it where `contains` is true: at corners of a convex set.
+/// Returns whether a plane separates a polygon and a box by more than `off` on either side, and its section lies in a convex set.
+///
+/// All segments between the two must cross the plane where `contains` is true, which is tested at their corners.
 fn section(plane: &Plane, from: &Outlook<'_>, to: (DVec3, DVec3), off: f64, contains: impl Fn(DVec3) -> bool) -> bool {
     let (middle, reach) = (to.0.midpoint(to.1), (to.1 - to.0) * 0.5);
     let (height, extent) = (plane.height(middle), plane.normal.abs().dot(reach));

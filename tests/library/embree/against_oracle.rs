@@ -1,4 +1,4 @@
-//! Embree agrees with the f64 oracle, wherever f32 can tell.
+//! Embree agrees with the f64 oracle, wherever f32 resolves the difference.
 
 use glam::DVec3;
 use radiosity::geometry::polygon;

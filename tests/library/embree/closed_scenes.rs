@@ -1,4 +1,4 @@
-//! What must hold in closed scenes: no ray escapes, and nothing shadows itself.
+//! The laws of closed scenes: no ray escapes, and no face shadows itself.
 
 use glam::DVec3;
 use radiosity::scene::Scene;

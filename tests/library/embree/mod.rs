@@ -1,4 +1,4 @@
-//! Embree's answers against the f64 oracle, against embree4-rs, and against what must hold in closed scenes.
+//! Embree's answers against the f64 oracle, against embree4-rs, and against the laws of closed scenes.
 
 mod against_oracle;
 mod closed_scenes;

@@ -1,4 +1,4 @@
-//! Which rows are known to sum to 1: rooms with objects in them, beside them, and wound the wrong way.
+//! The rows that are known to sum to 1: rooms with objects in them, beside them, and with inverted normals.
 
 #![expect(clippy::shadow_unrelated, reason = "a scene in its places is still that scene")]
 

@@ -1,4 +1,4 @@
-//! A scene far from the origin, as on a map, is the same scene: moved by what its numbers have room for, it keeps its form factors.
+//! A scene far from the origin, as on a map: moved by a distance that its numbers can hold, it keeps its form factors.
 
 use glam::{DQuat, DVec3};
 use radiosity::form_factor::ExactMethod;

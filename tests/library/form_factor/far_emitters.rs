@@ -1,4 +1,4 @@
-//! Shadows of what stands near a patch, before emitters at every distance and of every size.
+//! Shadows of objects near a patch, before emitters at every distance and of every size.
 //!
 //! Truth is found another way than the method finds it: from points of the emitter, the shadow of the occluder is a convex polygon in the patch's own plane, and what is left of the patch is seen by
 //! Lambert's formula. All lengths there are those of the patch, however far off the emitter is.

@@ -1,4 +1,4 @@
-//! Files of form factors: what is written is read back, and what was not written is refused.
+//! Files of form factors: written files are read back, and other files are refused.
 
 #![expect(clippy::shadow_unrelated, reason = "every step of a test names its own results")]
 

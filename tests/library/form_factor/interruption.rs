@@ -1,4 +1,4 @@
-//! Form factors whose computation the caller stops, or gives a deadline, and what the next run makes of it.
+//! Form factors whose computation the caller stops, or gives a deadline, and their continuation by the next run.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicI64, Ordering};

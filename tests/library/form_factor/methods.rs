@@ -1,4 +1,4 @@
-//! Every form-factor method of the registry against closed forms, certified values, and what it says of itself.
+//! Every form-factor method of the registry against closed forms, certified values, and its own statements.
 
 use std::collections::HashMap;
 use std::num::NonZeroUsize;

@@ -1,4 +1,4 @@
-//! Form factors after objects have moved: what is taken over is the same as before, and all of it as if computed anew.
+//! Form factors after objects have moved: kept entries equal the former ones, and all equal those computed anew.
 
 use glam::{DQuat, DVec3};
 use radiosity::form_factor::{Before, Change, Computed, ExactMethod, FormFactorMethod, Input};

@@ -1,4 +1,4 @@
-//! Methods between pairs where patches are near each other, or an occluder is near them: their errors against what they state.
+//! Methods between pairs where patches are near each other, or an occluder is near them: true errors against stated ones.
 
 use glam::{DQuat, DVec3};
 use radiosity::form_factor::{ExactMethod, FormFactorMethod, MethodSettings, POINTS, method};

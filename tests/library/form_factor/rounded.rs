@@ -1,4 +1,4 @@
-//! What rounded coordinates leave open of form factors: `exact` states it, and does not claim a tolerance that it is above.
+//! The error of form factors by rounded coordinates: `exact` states it, and does not claim a tolerance that it exceeds.
 
 use std::path::Path;
 

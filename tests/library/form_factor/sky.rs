@@ -1,4 +1,4 @@
-//! What escapes from open scenes, and what black backs take: against rays that are tested against each face in f64.
+//! Sky factors and back factors of open scenes, against rays that are tested against each face in f64.
 
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;

@@ -1,4 +1,4 @@
-//! How many entries of the form factors, and how many sky factors, lie within the errors that each method states of them.
+//! The share of form factors, and of sky factors, that lie within the errors that each method states for them.
 
 #![expect(clippy::print_stdout, reason = "tables are printed")]
 

@@ -1,4 +1,4 @@
-//! Enclosures by hand, by a dense solver, and at the ends of what numbers hold.
+//! Enclosures by hand, by a dense solver, and at the ends of the range of numbers.
 
 use std::f64::consts::PI;
 use std::fmt::Write as _;

@@ -1,4 +1,4 @@
-//! Heat: temperatures and fluxes against closed forms, their stated errors, and what is refused.
+//! Heat: temperatures and fluxes against closed forms, their stated errors, and refusals.
 
 mod crater;
 mod enclosures;

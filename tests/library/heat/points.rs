@@ -1,4 +1,4 @@
-//! Free points: mean radiant temperature by solid angles, factors behind occluders, and where points are.
+//! Free points: mean radiant temperature by solid angles, factors behind occluders, and positions of points.
 
 use std::f64::consts::PI;
 

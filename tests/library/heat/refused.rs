@@ -1,4 +1,4 @@
-//! Boundary files: what holds, and what is refused with its line and a remedy.
+//! Boundary files: accepted ones, and refused ones with their line and a remedy.
 
 use radiosity::heat::{Boundary, Condition};
 

@@ -1,4 +1,4 @@
-//! Sun and sky: shadows by hand, penumbras, and what of the sky is above the horizon.
+//! Sun and sky: shadows by hand, penumbras, and the part of the sky above the horizon.
 
 use std::f64::consts::PI;
 

@@ -1,4 +1,4 @@
-//! Paths of the sun: each time as if it were alone, in any block, turned and moved, and taken up again from a checkpoint.
+//! Paths of the sun: each time as if alone, in any block, turned and moved, and continued from a checkpoint.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! Patches: how faces are cut, and values between them.
+//! Patches: the subdivision of faces, and values between patches.
 
 use glam::{DQuat, DVec3};
 

@@ -1,4 +1,4 @@
-//! Convex solids of many sides, which hide things by their silhouettes: against the same sides one by one, and in closed rooms.
+//! Convex solids of many sides, which occlude by their silhouettes: against the same sides one by one, and in closed rooms.
 
 use std::f64::consts::{PI, TAU};
 

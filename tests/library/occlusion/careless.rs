@@ -1,4 +1,4 @@
-//! Meshes as people bring them, with cracks, slivers, solids that touch or pierce each other, vertices of their own for each face and facets turned the wrong way: against rays.
+//! Careless meshes, with cracks, slivers, touching or intersecting solids, separate vertices for each face and inverted facets: against rays.
 
 use glam::{DQuat, DVec3};
 use radiosity::form_factor::ExactMethod;

@@ -1,4 +1,4 @@
-//! Positions other than the certified ones, against values that no code of the clipping or of its integration takes part in.
+//! Positions other than the certified ones, against values computed without the code of clipping and of its integration.
 
 use std::num::NonZeroUsize;
 

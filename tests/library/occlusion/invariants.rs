@@ -1,4 +1,4 @@
-//! What holds for any occluders.
+//! Invariants for any occluders.
 
 use std::f64::consts::TAU;
 

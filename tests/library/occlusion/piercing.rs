@@ -1,4 +1,4 @@
-//! Things that pierce, touch and overlap each other and the patches: what is stated must hold there too.
+//! Objects that pierce, touch and overlap each other and the patches: the stated errors must hold there too.
 
 use glam::{DQuat, DVec3};
 use radiosity::form_factor::partial::{Accuracy, Partial, exchange_area};

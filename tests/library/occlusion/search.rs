@@ -1,4 +1,4 @@
-//! A search for small scenes in which an error is larger than what is stated of it.
+//! A search for small scenes in which an error is larger than the stated one.
 
 use glam::DVec3;
 use radiosity::form_factor::ExactMethod;

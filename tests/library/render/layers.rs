@@ -1,4 +1,4 @@
-//! What stands in an image's layers.
+//! The contents of an image's layers.
 
 use std::f64::consts::PI;
 use std::num::NonZeroU32;

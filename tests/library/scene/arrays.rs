@@ -1,4 +1,4 @@
-//! Scenes from arrays: what they share with those of files, and what is refused.
+//! Scenes from arrays: their agreement with scenes from files, and refusals.
 
 #![expect(clippy::shadow_unrelated, reason = "every step of a test names its own results")]
 

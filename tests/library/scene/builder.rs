@@ -1,4 +1,4 @@
-//! Scenes from arrays: the same as from a file, and every refusal by its kind and its place.
+//! Scenes from arrays: the same as from a file, and every refusal by its kind and its position.
 
 use glam::DVec3;
 use radiosity::scene::{

@@ -1,4 +1,4 @@
-//! The built-in scenes against what their sources say, and the files in `scenes/` against the built-in scenes.
+//! The built-in scenes against their sources, and the files in `scenes/` against the built-in scenes.
 
 use std::collections::HashMap;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! Faces that are wound the wrong way: which are found, and which scenes have none.
+//! Faces with inverted normals: which are found, and which scenes have none.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

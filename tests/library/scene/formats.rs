@@ -1,4 +1,4 @@
-//! Scenes in the formats of other programs: the same room of all of them, what parts its surfaces, and the options of reading.
+//! Scenes in the formats of other programs: the same room of all of them, the division into surfaces, and the options of reading.
 
 #![expect(clippy::shadow_unrelated, reason = "each case has a text and an error of its own")]
 

@@ -1,4 +1,4 @@
-//! Scenes from OBJ and MTL files: what is read, what is doubted, what is refused.
+//! Scenes from OBJ and MTL files: the scenes that are read, the warnings and the refusals.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! Scenes: files, arrays, built-in scenes, cameras, and which way faces look.
+//! Scenes: files, arrays, built-in scenes, cameras, and the orientation of faces.
 
 mod arrays;
 mod builder;

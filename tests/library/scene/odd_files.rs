@@ -1,4 +1,4 @@
-//! Scene files that are not quite of their format: what is made of them, or why they are refused.
+//! Scene files that nearly have their format: the scenes that are read from them, or the reasons of their refusal.
 
 use std::path::PathBuf;
 

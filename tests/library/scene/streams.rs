@@ -1,4 +1,4 @@
-//! Binary files that are longer than what is read of them at once.
+//! Binary files that are longer than the part that is read at once.
 
 use std::fmt::Write as _;
 use std::path::Path;

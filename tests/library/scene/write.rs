@@ -1,4 +1,4 @@
-//! Scenes to files: exact, deterministic, whole or not at all; and the scene's hash.
+//! Scenes written to files, exactly, deterministically, and whole or not at all; and the scene's hash.
 
 use std::path::Path;
 

@@ -1,4 +1,4 @@
-//! The papers' stationary and relaxation solvers: what they promise beyond being right.
+//! The papers' stationary and relaxation solvers: their properties beyond a right solution.
 
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;

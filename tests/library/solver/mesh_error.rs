@@ -1,4 +1,4 @@
-//! What a mesh foretells of the next coarser one, against that mesh.
+//! The forecast of the next coarser mesh's solution from a mesh, against that solution.
 
 use std::ops::ControlFlow;
 

@@ -1,4 +1,4 @@
-//! Multigrid: the counts and residuals of Lewis 1992 as an independent program has them, stiff rooms, and other scenes' hierarchies.
+//! Multigrid: the counts and residuals of Lewis 1992 by an independent program, stiff rooms, and other scenes' hierarchies.
 
 #![expect(clippy::shadow_unrelated, reason = "every step of a test names its own results")]
 

@@ -1,4 +1,4 @@
-//! Short ways to put systems together and to solve them.
+//! Short functions to make systems and to solve them.
 
 use std::ops::ControlFlow;
 

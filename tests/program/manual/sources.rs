@@ -1,4 +1,4 @@
-//! The page of sources, and of where an implementation departs from its source, from the doc comments of the code.
+//! The page of sources and departures of the implementations, from the doc comments of the code.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -1,4 +1,4 @@
-//! The page of the vocabulary: each quantity with its unit and its name in every interface, held against the code.
+//! The page of the vocabulary: each quantity with its unit and its name in every interface, compared with the code.
 //!
 //! `cargo test --release --test program -- --ignored --nocapture list_vocabulary` prints the pages that use each of them.
 

@@ -57,8 +57,8 @@ fn a_plate_takes_away_what_is_behind_it() {
 
 #[test]
 fn a_plate_through_the_target_hides_only_what_is_behind_the_part_before_it() {
-    // A wall in the plane x = 0.5 whose lower edge is at half height: from x = 0.25 it hides the ceiling from 0.5 to 0.75, and what of
-    // it stands above the ceiling hides no more.
+    // A wall in the plane x = 0.5 whose lower edge is at half height: from x = 0.25 it hides the ceiling from 0.5 to 0.75, and its part
+    // above the ceiling hides no more.
     let seen = [
         rectangle(DVec3::Z, DVec3::Y, DVec3::X * 0.5),
         rectangle(DVec3::new(0.75, 0.0, 1.0), DVec3::Y, DVec3::X * 0.25),
@@ -81,7 +81,7 @@ fn several_bodies_are_told_from_sides_of_one() {
     let plate = |x: f64, z: f64| (rectangle(DVec3::new(x, 0.4, z), DVec3::X * 0.1, DVec3::Y * 0.1), false);
     assert!(!may_hide(&[plate(0.2, 0.5)]));
     assert!(may_hide(&[plate(0.2, 0.5), plate(0.35, 0.5)]));
-    // One wholly in the other's shadow, whatever hides more, and one that hides nothing of the target.
+    // One wholly in the other's shadow, whichever hides more, and one that hides no part of the target.
     assert!(may_hide(&[plate(0.2, 0.3), plate(0.22, 0.4)]));
     assert!(!may_hide(&[plate(0.2, 0.5), plate(0.8, 0.3)]));
     // The lower side of a box and the one that looks along −x: both hide something.
