@@ -56,10 +56,8 @@ pub(super) struct Overlap {
 /// ([`Written`](super::Written)), but is at least six digits of the scene's size and at most six digits of the coordinates. Faces that one outline was split into do not overlap.
 ///
 /// Where the file shows that it was rounded, faces that are not along the axes are off their plane by half a [unit](super::Written::unit) u of each coordinate. They then lie in one plane where, over
-/// all
-/// of the common part, their distance is at most g = Σ u |n|, summed over the axes, with n the larger's normal: g ≤ √3 u. Faces wider than 3 u that were meant to be in one plane are always found,
-/// those
-/// meant to be 2 g apart never. The common part must then be wider than 2 u, or be 9/10 of a face that is as narrow.
+/// all of the common part, their distance is at most g = Σ u |n|, summed over the axes, with n the larger's normal: g ≤ √3 u. Faces wider than 3 u that were meant to be in one plane are always found,
+/// those meant to be 2 g apart never. The common part must then be wider than 2 u, or be 9/10 of a face that is as narrow.
 ///
 /// Work: O(n log n) for n faces of similar size, and the pairs whose boxes meet.
 pub(super) fn find(scene: &Scene) -> Option<[FaceId; 2]> {

@@ -12,8 +12,8 @@ const SHORT_PLACES: i32 = 3;
 /// The rounding of a file's coordinates, inferred from their digits.
 ///
 /// Programs write a fixed number of places after the point (`%.3f`) or of digits in all (`%.6g`, `%e`), and some omit trailing zeros. Zeros after the point show which of them is fixed, else the
-/// counts of
-/// the numbers that have the most places or digits. Exponents without such zeros mean a fixed number of digits. Numbers that are all near an f32, with more digits than it needs, come from f32.
+/// counts of the numbers that have the most places or digits. Exponents without such zeros mean a fixed number of digits. Numbers that are all near an f32, with more digits than it needs, come from
+/// f32.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[expect(clippy::struct_excessive_bools, reason = "each is a sign of its own")]
 pub struct Written {

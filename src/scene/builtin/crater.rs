@@ -1,8 +1,7 @@
 //! A bowl-shaped crater: a spherical cap of 4 m across and 1 m deep, for sunlight and temperatures.
 //!
 //! The cap is a part of a sphere of radius 2.5 m, from its lowest point to an angle whose sine is 0.8. It has 2^level rings of 2^(level + 2) flat faces that look inwards, triangles in the middle,
-//! with all corners on the sphere.
-//! Its rim lies in the plane z = 0. Nothing emits; the reflectance is that of the solar band in [`INGERSOLL_1992`](crate::references::INGERSOLL_1992).
+//! with all corners on the sphere. Its rim lies in the plane z = 0. Nothing emits; the reflectance is that of the solar band in [`INGERSOLL_1992`](crate::references::INGERSOLL_1992).
 
 use glam::{DVec2, DVec3};
 

@@ -104,8 +104,7 @@ impl Counts {
 /// - A library that does not exist at the path of `mtllib` is searched for by its file name beside the scene file, whatever its case, with a warning.
 ///
 /// Accuracy: coordinates, reflectance and exitance are the nearest f64 to the text, or the numbers of a binary file. [`Scene::written`] holds their possible rounding, by the digits of the text or the
-/// 24 bits
-/// of a binary f32; it enters the errors of form factors.
+/// 24 bits of a binary f32; it enters the errors of form factors.
 ///
 /// Memory: that of the scene. OBJ, View3D's input, the JSON of glTF and piped files are held in memory as a whole, XML by the text of one array at a time; all others are read as a stream.
 /// Counts in a file are limited by its length.
@@ -113,8 +112,7 @@ impl Counts {
 /// # Errors
 /// [`SceneError`], with file, line or element, and remedy: files that cannot be read, are cut short, or hold less than their header states, invalid coordinates or indices, faces with fewer than three
 /// corners, outlines that cross themselves, coincident faces of the same winding, reflectances outside \[0, 1\], exitances that are negative, above [`MAX_EXITANCE`](super::MAX_EXITANCE), or above 0
-/// and below [`MIN_EXITANCE`](super::MIN_EXITANCE),
-/// power beyond the range of f64, companions outside the scene's folder, and scenes without a usable face.
+/// and below [`MIN_EXITANCE`](super::MIN_EXITANCE), power beyond the range of f64, companions outside the scene's folder, and scenes without a usable face.
 ///
 /// Source: Wavefront's OBJ and MTL, 3D Systems' STL, Stanford's PLY, gmsh's MSH 2.2 and 4.1, VTK's file formats (legacy and XML), Khronos' glTF 2.0, View3D's manual (3.3).
 /// Departures: only polygons; OBJ: capitals; a vertex must stand above the faces that use it; the weight of a vertex is ignored.

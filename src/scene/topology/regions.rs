@@ -207,9 +207,8 @@ pub(crate) struct Place {
 
 /// Finds the regions around flat convex parts of faces.
 ///
-/// Faces that reach a part from its front or its back, beyond its border, make the winding numbers of their pieces uncertain on that side. Faces in its own plane do not, as the faces that
-/// bound the space there reach it too.
-/// Work: O(n log n), and the number of faces whose boxes overlap those of parts.
+/// Faces that reach a part from its front or its back, beyond its border, make the winding numbers of their pieces uncertain on that side. Faces in its own plane do not, as the faces that bound the
+/// space there reach it too. Work: O(n log n), and the number of faces whose boxes overlap those of parts.
 pub(crate) fn places(scene: &Scene, pieces: &Pieces, parts: &[(FaceId, Vec<DVec3>)]) -> Vec<Place> {
     let middles: Vec<(FaceId, DVec3)> = parts
         .iter()

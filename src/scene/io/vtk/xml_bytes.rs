@@ -60,7 +60,7 @@ impl Encoding {
         if self.has_wide_headers { 8 } else { 4 }
     }
 
-    /// Returns a stream of the bytes of an array, limited to `n` where they are compressed.
+    /// Returns a stream of the bytes of an array; compressed ones are limited to `limit` decoded bytes.
     pub(super) fn bytes<'s>(
         &self,
         source: &'s Source<'_>,
