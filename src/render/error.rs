@@ -31,7 +31,7 @@ pub enum RenderError {
     Io {
         /// The file.
         path: PathBuf,
-        /// The operating system's message.
+        /// The reason.
         source: std::io::Error,
     },
     /// The file is no OpenEXR file, or a damaged one.
