@@ -450,7 +450,7 @@ fn write_reals(writer: &mut dyn Write, dtype: Dtype, numbers: &[f64]) -> io::Res
     write_numbers(writer, numbers)
 }
 
-/// Adds the tallies of the rays, if there are any: counts, and the sums of the weights (NaN in rows without rays).
+/// Adds the tallies of the rays, if there are any: counts, and the sums of the weights (NaN for rows without weights).
 fn add_tallies<W: Write + io::Seek>(npz: &mut NpzWriter<W>, tallies: &[RowTally]) -> io::Result<()> {
     let n = tallies.len();
     if tallies.iter().all(|tally| *tally == RowTally::default()) {

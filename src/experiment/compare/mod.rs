@@ -26,8 +26,9 @@ pub struct CompareSettings<'a> {
     pub n_seeds: u64,
     /// The first seed; the others follow it.
     pub first_seed: u64,
-    /// The longest time that a single run may take, s: settings that took longer are not repeated, and those that are expected to take
-    /// longer are not begun.
+    /// The greatest time of a single run, s.
+    ///
+    /// Settings that took longer are not repeated, and those that are expected to take longer are not run at all.
     pub time_limit_s: f64,
     /// The storage of the form factors of every run.
     pub storage: StorageChoice<'a>,
