@@ -71,7 +71,7 @@ impl Stated {
 pub(super) struct Thermal {
     /// M = σ T⁴, W·m⁻².
     pub(super) power: Vec<Judged>,
-    /// q = B − H, W·m⁻².
+    /// The net flux q = B − H, W·m⁻².
     pub(super) net_flux: Vec<Judged>,
     /// The heat supplied apart from the absorbed solar heat, W·m⁻².
     pub(super) supplied: Vec<Judged>,

@@ -75,9 +75,9 @@ impl DistantSun {
         frame.to_world(local)
     }
 
-    /// Estimates the sun's irradiance at a point whose rays begin at `origin`: H = S Σ_k max(n · s_k, 0) V_k / N over one direction, or 16 in the disc.
+    /// Estimates the sun's irradiance at a point whose rays begin at `origin`.
     ///
-    /// The variance is that of a mean of independent directions, which a net of them stays below.
+    /// H = S Σ_k max(n · s_k, 0) V_k / N over one direction, or 16 in the disc. The variance is that of a mean of independent directions, an upper bound for that of a net.
     pub(super) fn estimate(
         &self,
         visibility: &dyn Visibility,

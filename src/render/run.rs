@@ -23,12 +23,17 @@ use crate::progress::Progress;
 /// by cosine-distributed rays, as many as each pixel needs (see below). B′ is constant over each patch, as in the equations that the solution solves: interpolation
 /// does not preserve the mean of a patch, and makes points near contact edges and creases too bright or too dark. Backs of faces are black.
 ///
-/// Layers (f32 but for `patch`): `R,G,B` radiance L = B/π; `irradiance.*`, `radiosity.*`, `albedo.*` (ρ); `N.X/Y/Z` the unit normal of the
-/// face, `P.X/Y/Z` the point, in world coordinates (f32: for exact points see [`Tile::point`](super::Tile::point)); `Z` the depth along the camera's
-/// axis in m, 0 in an unfolded view; `patch` the [`PatchId`](crate::mesh::PatchId) as u32. With a direct pass also `direct.*`, the
-/// irradiance from the emitters, and `direct_error.*`, its standard error as if all samples were independent. With `gather` also `variance.*`, the variance of `irradiance.*`, and `samples`,
-/// the number of gathered rays (u32). Where the [samples are adaptive](RenderSettings::adaptive) also `pixel_samples`, the number of samples of each pixel (u32). With [`RenderInput::error`] also `error.*`, the estimated error of the patches' radiosity. Colours are means over the pixel's
-/// samples, background counting as 0; `N`, `P`, `Z` and `patch` belong to the pixel's centre. Background is 0 in all
+/// Layers (f32 but for `patch`):
+///
+/// - `R,G,B` the radiance L = B/π; `irradiance.*`, `radiosity.*`, `albedo.*` (ρ);
+/// - `N.X/Y/Z` the unit normal of the face; `P.X/Y/Z` the point, in world coordinates (f32: for exact points see [`Tile::point`](super::Tile::point));
+/// - `Z` the depth along the camera's axis in m, 0 in an unfolded view; `patch` the [`PatchId`](crate::mesh::PatchId) as u32;
+/// - with a direct pass `direct.*`, the irradiance from the emitters, and `direct_error.*`, its standard error as if all samples were independent;
+/// - with `gather` `variance.*`, the variance of `irradiance.*`, and `samples`, the number of gathered rays (u32);
+/// - where the [samples are adaptive](RenderSettings::adaptive) `pixel_samples`, the number of samples of each pixel (u32);
+/// - with [`RenderInput::error`] `error.*`, the estimated error of the patches' radiosity.
+///
+/// Colours are means over the pixel's samples, background counting as 0; `N`, `P`, `Z` and `patch` belong to the pixel's centre. Background is 0 in all
 /// layers, and `u32::MAX` in `patch`; where a sky shines, `R,G,B` and `radiosity.*` show it.
 /// The sun of [`Outdoors`](super::Outdoors) is a part of the direct pass, by one ray from each sample, or 16 into its disc; the light of the sky is interpolated between patches, or gathered.
 ///

@@ -15,7 +15,9 @@ use crate::progress::{Progress, Silent};
 use crate::scene::{FaceId, Scene, builtin};
 use crate::visibility::embree::EmbreeVisibility;
 
-/// The surface of the built-in cube (x0, x1, y0, y1, z0, z1) for the paper's faces 1, 2, … 6; opposite faces are 1 and 6, 2 and 3, 4 and 5.
+/// The surface of the built-in cube (x0, x1, y0, y1, z0, z1) for the paper's faces 1, 2, … 6.
+///
+/// Opposite faces are 1 and 6, 2 and 3, 4 and 5.
 const SURFACE_OF_FACE: [u32; 6] = [4, 0, 1, 2, 3, 5];
 
 /// The cube with n × n patches a face.

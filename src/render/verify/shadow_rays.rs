@@ -75,9 +75,9 @@ enum Meets {
 }
 
 impl ShadowRays {
-    /// Prepares the rays; returns `None` if the direct light is not found by such rays, or if emitters of several surfaces share a stream, in an order that the file does not contain.
+    /// Prepares the rays; returns `None` if other rays find the direct light, or if emitters of several surfaces share a stream.
     ///
-    /// Faces may be bent by up to `touching`, m, so that a ray meets them elsewhere.
+    /// The file does not contain the order of such emitters. Faces may be bent by up to `touching`, m, so that a ray meets them elsewhere.
     pub(super) fn new(attributes: &Attributes, size: &Size, touching: f64) -> Option<Self> {
         let DirectMethod::Polygons { n } = attributes.render.direct else {
             return None;
