@@ -1,7 +1,7 @@
 //! Form factors in the Matrix Market format (`.mtx`), which SciPy, MATLAB, Julia and most solvers read.
 //!
-//! Source: Boisvert, Pozo and Remington 1996, "The Matrix Market Exchange Formats". Departures: only the subset of the format
-//! that [`write()`] writes is read.
+//! Source: Boisvert, Pozo and Remington 1996, "The Matrix Market Exchange Formats". Departures: of what the format can hold, only what
+//! [`write()`] writes is read.
 
 use std::fs::File;
 use std::io::{self, BufRead as _, BufReader, Write};

@@ -2,8 +2,8 @@
 //!
 //! A line of 30 characters, `View3D 3.3 0 ENCL 0 N`, padded with blanks: program and version, text format, 1 for a closed scene, 0 as
 //! factors are those of black surfaces, and the number of surfaces. A line of the areas (`%g`), a line of each row (`%.6f`) from that surface to every other, and a
-//! line of the emissivities (`%.3f`), all separated by one blank. Source: G. N. Walton, "Using the View3D program", NIST, 2002, and the output of
-//! View3D 3.3. Departures: obstructions and null surfaces have rows, as black surfaces of the scene; an emissivity is 1 − ρ, the area mean over faces and channels.
+//! line of the emissivities (`%.3f`), all separated by one blank. Source: G. N. Walton, "Using the View3D program", NIST, 2002, and what
+//! View3D 3.3 writes. Departures: obstructions and null surfaces have rows, as black surfaces of the scene; an emissivity is 1 − ρ, the area mean over faces and channels.
 
 use std::io::{self, Write};
 

@@ -10,7 +10,7 @@
 //! The paper prints one run each. Here every figure is an ensemble of runs, set beside its exact expectation and standard deviation, which are known in a cube, and
 //! with the percentile of the paper's number in the ensemble.
 //! PDM: the paper's digits follow from no known form of the method. Ours is the plain product of 5 × 5 Gauss points on both patches.
-//! Departures: PDM as above; the random numbers are ours.
+//! Departures: PDM as said; the random numbers are ours.
 
 mod ensemble;
 mod expected;

@@ -41,7 +41,7 @@ pub const EPSILONS: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
 /// ρ_i F_iJ (max u − min u over J) ≤ ε A_J / 6, and where it is no wider than half its distance from i (at smaller distances the centre rule is invalid). This is our criterion for l_k; otherwise J is split into four. F_iJ is
 /// equation (5) between the centres, with α of the finest level, which is known. `u`: \[N\].
 ///
-/// Source: [`LEWIS_1992`](crate::references::LEWIS_1992), section 7. Departures: his criterion is not printed; this one bounds the effect of the spread of u in J, not the error of F_iJ.
+/// Source: [`LEWIS_1992`](crate::references::LEWIS_1992), section 7. Departures: his criterion is not printed; this one bounds what the spread of u in J can do, not the error of F_iJ.
 ///
 /// # Errors
 /// [`ExperimentError::Matrix`] if the matrix to compare with cannot be stored.

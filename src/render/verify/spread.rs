@@ -25,7 +25,7 @@ pub(super) struct Spread {
 /// A ray adds the exitance that it meets, e ∈ [0, e₀], with the mean p e₀: its variance is at most p (1 − p) e₀², and equal to it where all emitters are equally bright. So the mean
 /// of n rays has a standard deviation of at most e₀ √(p (1 − p) / n), and the sum of the squared ratios of N pixels is at most
 /// N + 2 √(N x) + 2 x except with a probability of e^(−x), x = `log_odds` ([`LAURENT_2000`](crate::references::LAURENT_2000), lemma 1). n is the
-/// [effective](super::tolerance::effective_samples) number of rays. Departures: binomial errors count as normal; the possible effect of offset and rounding is subtracted from each error.
+/// [effective](super::tolerance::effective_samples) number of rays. Departures: binomial errors are taken for normal; what offset and rounding may change is taken off each error.
 pub(super) fn of<'a>(
     pixels: impl Iterator<Item = (&'a PixelAnswer, &'a Judged)>,
     reference: &Reference<'_>,

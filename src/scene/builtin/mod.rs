@@ -118,7 +118,7 @@ pub fn names() -> impl ExactSizeIterator<Item = &'static str> {
 /// - `street`: six houses along a street and its camera, for sun and sky; nothing emits.
 ///
 /// Scenes without levels are the files in `scenes/`. The coordinates of the others come from sums, products, quotients and square roots, whose last bit does not depend on the machine.
-/// Departures: the `README.md` of each scene lists where its source is incomplete, and the choices made.
+/// Departures: each scene's `README.md` there says what its source leaves open, and how that was decided.
 ///
 /// # Errors
 /// [`UnknownBuiltin`](crate::scene::SceneErrorKind::UnknownBuiltin), [`NoLevels`](crate::scene::SceneErrorKind::NoLevels), [`LevelTooHigh`](crate::scene::SceneErrorKind::LevelTooHigh).

@@ -40,7 +40,7 @@
 //!
 //! The numbers behind them are in `table-2-histories.csv`, `table-2-times.csv` and `table-2-eigenvalues.csv`. (Figure 1 and 12 to 16 are sketches.)
 //!
-//! Departures: form factors are ours; passes exclude those that only check a residual.
+//! Departures: form factors are ours; passes are counted without those that only check a residual.
 
 mod expected;
 mod model;
