@@ -143,7 +143,7 @@ pub enum Condition {
     Temperature(f64),
     /// A given heat supply of each patch, W·m⁻²; 0 is adiabatic.
     Supplied(f64),
-    /// Membership of the node of this number, all of which has one temperature.
+    /// Membership of the node of this number, whose surfaces share one temperature.
     Node(usize),
     /// One side of a sheet whose other side is the surface of this number: coincident patches have one temperature.
     OtherSide(usize),

@@ -37,7 +37,7 @@ pub struct PointQuery {
 pub enum PointStatus {
     /// Outside of solids and off all faces.
     Free,
-    /// On a face: its factors include neither side of it.
+    /// On a face: its factors apply to neither side of it.
     OnFace,
     /// Inside a solid, whose faces it sees from behind, or where it sees only backs.
     InsideSolid,

@@ -26,7 +26,7 @@ const CIRCLES: [NonZeroUsize; 2] = [
     NonZeroUsize::new(4).expect("positive"),
 ];
 
-/// Directions on each circle, for each circle.
+/// The number of directions on each circle, in units of the number of circles.
 const PER_CIRCLE: usize = 4;
 
 /// The rays from each patch that sees a part of the sky, the limits for all patches together and for one, and the seed.

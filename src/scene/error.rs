@@ -25,7 +25,7 @@ pub enum Origin {
         /// The part.
         element: String,
     },
-    /// In what was made in memory.
+    /// In a scene, material or camera made in memory.
     Memory {
         /// The part: a face, a material, a camera.
         element: String,
@@ -166,7 +166,7 @@ impl fmt::Display for Earlier {
 pub struct SceneError {
     /// Where.
     pub at: Origin,
-    /// What.
+    /// The error.
     pub kind: SceneErrorKind,
 }
 
@@ -197,7 +197,7 @@ pub enum SceneErrorKind {
     /// The file cannot be read: missing, a directory, no permission.
     #[error("{source}")]
     Unreadable {
-        /// Why, and what to do.
+        /// The operating system's message, with a remedy.
         source: io::Error,
     },
     /// The file is not text in UTF-8.
@@ -289,10 +289,10 @@ pub enum SceneErrorKind {
         /// The number of vertices above the face.
         n_vertices: usize,
     },
-    /// Slices of which one has neither one element for each face nor one for all.
+    /// Slices with neither one element for each face nor one for all.
     #[error("{n} {what} for {n_faces} faces; give one for each, or one for all")]
     NotOneEach {
-        /// The things of which there are too few or too many.
+        /// The things in a wrong number.
         what: &'static str,
         /// How many there are.
         n: usize,
@@ -439,7 +439,7 @@ pub enum SceneErrorKind {
     /// No built-in scene has this name.
     #[error("there is no built-in scene `{name}`; choose one of {known}")]
     UnknownBuiltin {
-        /// The name asked for.
+        /// The requested name.
         name: String,
         /// The names that there are.
         known: String,
@@ -455,7 +455,7 @@ pub enum SceneErrorKind {
     LevelTooHigh {
         /// The scene.
         name: String,
-        /// The level asked for.
+        /// The requested level.
         level: u32,
         /// The greatest level.
         max: u32,

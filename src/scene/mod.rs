@@ -1,7 +1,7 @@
 //! A validated scene: vertices, flat faces that see along their normal, named surfaces, materials.
 //!
 //! [`load`] reads files of any [`Format`], [`builtin::build`] makes the scenes of the literature, [`write_obj`] writes either,
-//! and a [`Camera`] looks at it.
+//! and a [`Camera`] is the view of a scene.
 
 pub mod topology;
 

@@ -75,7 +75,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Returns whether a surface is among those that move.
+    /// Returns whether the motion moves a surface.
     pub(super) fn moves(&self, name: &str) -> bool {
         self.surface.as_slice().iter().any(|moving| moving == name)
     }

@@ -20,7 +20,7 @@ const SIX_DIGITS: f64 = 2e-5;
 /// The width of the same strip in units of the last written digit.
 const UNITS: f64 = 2.0;
 
-/// The width, in such strips, of a face that lies mostly on another by rounding alone: the face itself is hardly wider than the rounding.
+/// The least width, in such strips, of a common part that covers most of a face: narrower ones may be due to rounding alone.
 const COVERED: f64 = 0.05;
 
 /// The uncertainty of a distance between planes in f64, in units of the greatest |coordinate|.

@@ -12,7 +12,7 @@ const MIN_DIGITS: i32 = 6;
 /// The greatest height of a rounded corner over the plane of three others, in units of the rounding of a coordinate: the standard deviation is about 1.
 const HEIGHT: f64 = 4.0;
 
-/// The distance within which faces count as touching, in units of the rounding of a coordinate in each of three directions.
+/// The ratio of [`Scene::slack`] to the greatest shift of a corner, which is the rounding of a coordinate in each of three directions.
 pub(crate) const SLACK_PER_CORNER: f64 = HEIGHT / 1.732_050_807_568_877_2;
 
 impl Scene {

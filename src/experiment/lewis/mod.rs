@@ -9,7 +9,7 @@
 //!
 //! The figures, as files that `radiosity reproduce lewis -o DIR` writes (figures 3 and 4 are sketches of restriction and prolongation):
 //!
-//! | figure | file | what it shows |
+//! | figure | file | content |
 //! |---|---|---|
 //! | 1 | `figure-1.png` | the entries of I − diag(ρ) F at l = 2: blocks of zeros where patches share a wall |
 //! | 2 | `report.md` | the algorithm, as printed and repaired: cycles of each variant |

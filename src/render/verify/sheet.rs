@@ -112,7 +112,7 @@ impl Sheet {
     }
 }
 
-/// A camera that looks at one block of pixels.
+/// A camera restricted to one block of pixels.
 struct Eye<'a> {
     reference: &'a Reference<'a>,
     faces: &'a Faces<'a>,

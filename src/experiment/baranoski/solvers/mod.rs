@@ -28,7 +28,7 @@
 //! The paper's "over 90 % of the patches are selected the same number of times, ± 1" holds only in A and B.
 //! The figures are files that the command writes with `-o DIR`; X is a case, a to f. Each shows all methods from the start to the end:
 //!
-//! | figures of the paper | file | what it shows |
+//! | figures of the paper | file | content |
 //! |---|---|---|
 //! | 2 | `figure-2.svg` | the eigenvalues of I − diag(ρ) F in A to D: more reflectance spreads them |
 //! | 3 | `figure-3.svg` | those of C and E: more density draws them together |

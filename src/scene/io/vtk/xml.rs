@@ -22,7 +22,7 @@ struct Piece {
     /// The numbers of cells of each section; those of a grid in the place of polygons.
     n_cells: [u64; 4],
     points: Option<DataArray>,
-    /// Offsets, connectivity and types of each section; those of a grid in the place of polygons.
+    /// Offsets, connectivity and, for a grid, types of each section; those of a grid are in the place of polygons.
     cells: [[Option<DataArray>; 3]; 4],
     cell_data: Vec<DataArray>,
 }
