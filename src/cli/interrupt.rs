@@ -9,7 +9,9 @@ use super::failure::Failure;
 use super::ranks;
 use crate::whole_file;
 
-/// A handler of SIGINT and SIGTERM: the first signal ends the program within a second, at a safe point if possible, and the next one at once.
+/// A handler of SIGINT and SIGTERM: the first signal ends the program at a safe point, or after [`GRACE`], and the next one at once.
+///
+/// Ranks other than the first wait five times as long.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Interrupt {
     /// The received signal, or 0.
