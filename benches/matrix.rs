@@ -21,7 +21,7 @@ const N: usize = 6144;
 /// The number of runs of each measurement.
 const N_ROUNDS: usize = 21;
 
-/// The default density of a sparse matrix: it has one in so many of its entries.
+/// The default ratio of all entries of a sparse matrix to its stored ones.
 const ONE_IN: u64 = 4;
 
 /// The columns of a run of entries.
@@ -115,7 +115,7 @@ fn main() {
 enum Pattern {
     /// Everywhere.
     Full,
-    /// In runs of [`RUN`], of which one in so many exists, with another start in every row.
+    /// In runs of [`RUN`] columns, of which one in `one_in` has entries, with another start in every row.
     Runs,
     /// At scattered places.
     Scattered,

@@ -70,8 +70,8 @@ impl SunPath {
     /// `irradiance` is that of a plane that faces the sun, W·m⁻².
     ///
     /// # Errors
-    /// The name of the value and the fault: a time that is neither, not after the previous one, or of the other kind; faults of [`Sun::new`] and [`sun_direction`](super::sun_direction), except a sun
-    /// below the horizon.
+    /// The name of the value and the fault: a time that is neither a number nor a date, not after the previous one, or not of the same kind as it;
+    /// faults of [`Sun::new`] and [`sun_direction`](super::sun_direction), except a sun below the horizon.
     pub fn push(
         &mut self,
         line: usize,

@@ -8,7 +8,7 @@ use super::{Corners, Scene, Written};
 use crate::geometry::box_pairs::overlapping_pairs;
 use crate::geometry::polygon;
 
-/// The length, in units of the last digit, below which outlines and edges show nothing: a unit is a part of their shape.
+/// The length, in units of the last digit, below which outlines and edges are no evidence: a unit is a part of their shape.
 const MIN_UNITS: f64 = 100.0;
 
 /// The same for a turned rectangle: its four corners must be right angles to 6 degrees or better.
@@ -101,7 +101,7 @@ fn has_nearly_square_halves(scene: &Scene, written: &Written) -> bool {
         if let Some(&other) = apex_of.get(&[to, from]) {
             let [a, b, c, d] = [from, other, to, apex].map(at);
             let edges = [b - a, c - b, d - c, a - d];
-            // Upright walls show nothing.
+            // An edge along an axis keeps right angles exact, so upright walls are no evidence.
             n_pairs += u32::from(!edges.into_iter().any(is_along_axis));
             n_nearly_square += u32::from(is_nearly_square(edges, unit));
         }
@@ -112,7 +112,7 @@ fn has_nearly_square_halves(scene: &Scene, written: &Written) -> bool {
 
 /// Returns whether a vertex lies less than a unit off an edge of a face to which it does not belong.
 ///
-/// Vertices and intended gaps are at least a unit apart, so these show nothing.
+/// Distinct vertices and intended gaps are at least a unit apart, so they are not counted.
 fn has_vertex_beside_edge(scene: &Scene, written: &Written) -> bool {
     let (low, high) = scene.bounding_box();
     let unit = written.unit(low.abs().max(high.abs()).max_element());

@@ -218,7 +218,7 @@ impl fmt::Display for Written {
     }
 }
 
-/// The kind of digits of which all coordinates of a file have the same number.
+/// The kind of digits whose number is the same in all coordinates of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Counts {
     /// Places after the point.

@@ -184,7 +184,7 @@ fn a_repair_and_rows_of_few_entries_count() {
 fn no_matrix_takes_more_than_the_estimate() {
     for (by_rows, full_to) in [(false, 0), (true, 0), (false, 256), (true, 256)] {
         for one_in in [100, 8, 3, 2, 1] {
-            // The first columns are full, the others have one in so many of their entries.
+            // The first columns are full, the others have one in `one_in` of their entries.
             let n = 512;
             let has = |i: usize, j: usize| j < full_to || (i * 31 + j * 17).is_multiple_of(one_in);
             let tiles = (0..n).step_by(64).map(|first| {

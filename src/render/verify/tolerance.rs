@@ -106,7 +106,7 @@ mod tests {
             );
         }
         assert_eq!(hoeffding(0.0, 10.0, 9.0).to_bits(), 0);
-        // Three samples show nothing.
+        // Three samples are too few for a narrower bound.
         assert!((hoeffding(0.3, 3.0, 30.0) - 0.7).abs() < 1e-15);
     }
 }

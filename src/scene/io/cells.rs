@@ -97,7 +97,7 @@ pub(super) fn unknown(name: &str, usable: &[Array]) -> SceneErrorKind {
 /// A type of cells of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cell {
-    /// A face of so many corners, which are its first vertices; true if it has further vertices between these.
+    /// A face with its number of corners, which are its first vertices; true if it has further vertices between these.
     Face(usize, bool),
     /// A point or a line.
     Thin,

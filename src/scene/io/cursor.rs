@@ -68,7 +68,7 @@ impl<'a> Cursor<'a> {
         SceneError::new(Origin::Element { path, element }, kind)
     }
 
-    /// Extends the window to the given number of bytes, or as many as are left; returns whether there are so many.
+    /// Extends the window to the given number of bytes, or as many as are left; returns whether they suffice.
     fn fill(&mut self, n: usize) -> Result<bool, SceneError> {
         let have = self.rest().len();
         if have >= n || self.behind.left() == 0 {
