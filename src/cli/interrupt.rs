@@ -25,7 +25,7 @@ pub(super) struct Interrupt {
 /// A longer step, such as a factorisation or one pair of patches, is aborted; a checkpoint has the work that was finished before.
 const GRACE: std::time::Duration = std::time::Duration::from_millis(600);
 
-/// The name and exit code of a signal.
+/// Returns the name and exit code of a signal.
 fn named(signal: usize) -> Option<(&'static str, ExitCode)> {
     match signal {
         2 => Some(("SIGINT", ExitCode::Interrupted)),

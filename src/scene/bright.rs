@@ -83,7 +83,7 @@ mod tests {
         // The sum of all orders of reflection overflows before the light itself does.
         let (patch, channel, most, limit) = found([1e299, 0.0, 3e299, 0.0], 1.0 - 1e-9).expect("too bright");
         assert_eq!((patch, channel, most.to_bits()), (1, 0, 3e299_f64.to_bits()));
-        // As much as 2 / 3 + 1 / 2 m2 of the brightest.
+        // The power is that of 2 / 3 + 1 / 2 m² of the brightest patch.
         let expected = MAX_LIGHT * 1e-9 / (2.0 / 3.0 + 0.5);
         assert!((limit / expected - 1.0).abs() < 1e-6, "{limit:e} {expected:e}");
     }

@@ -325,7 +325,7 @@ impl Vertices {
     }
 }
 
-/// Adding zero turns −0 into 0: the same place is the same vertex.
+/// Returns the bits of a position, with −0 as 0: equal positions are the same vertex.
 fn key(position: DVec3) -> [u64; 3] {
     (position + 0.0).to_array().map(f64::to_bits)
 }

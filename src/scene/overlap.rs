@@ -319,7 +319,7 @@ mod tests {
         find(scene).map(|faces| faces.map(|face| scene.faces[face.0 as usize].line))
     }
 
-    /// Upright faces of a scene, shifted far and written with some places after the point.
+    /// Returns a scene of upright faces, shifted far and written with some places after the point.
     fn written(faces: &[&[[f64; 3]]], shift: DVec3, places: usize) -> Scene {
         let mut scene = scene(faces);
         let mut written = Written::new();

@@ -20,7 +20,7 @@ pub(crate) use regions::{Backs, Place, View, places};
 /// and a segment between two of them stays inside it.
 ///
 /// Conservative: a scene that is convex up to rounding above 1e-12 of its size, or 1e-9 of its smallest face, counts as not convex.
-/// So does one whose height over a face is within the rounding of its coordinates: it may be a sheet whose sides rounding has parted.
+/// A scene whose height over a face is within the rounding of its coordinates also counts as not convex: it may be a sheet whose sides rounding has parted.
 /// Work: planes × vertices at worst, with a stop at the first vertex behind a plane.
 #[must_use]
 pub fn is_convex_and_empty(scene: &Scene) -> bool {

@@ -39,7 +39,7 @@ impl Plate {
     }
 }
 
-/// Which side of a plane points lie on; a point within the slack lies on both.
+/// Returns whether no point lies above a plane by more than the slack.
 fn none_above(points: &[DVec3], origin: DVec3, normal: DVec3, slack: f64) -> bool {
     points.iter().all(|&v| normal.dot(v - origin) <= slack)
 }

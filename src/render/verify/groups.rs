@@ -133,7 +133,7 @@ pub(super) fn count_wrong_strips(sheet: &Sheet, judged: &[Judged], reference: &R
     wrong_rows + wrong_columns
 }
 
-/// The report on a tile of an unfolded view.
+/// Returns the report on a tile of an unfolded view.
 pub(super) fn tile_report(
     tile: &Tile,
     sheet: &Sheet,
@@ -156,7 +156,7 @@ pub(super) fn tile_report(
     report
 }
 
-/// The report on pixels that show one surface.
+/// Returns the report on pixels that show one surface.
 pub(super) fn part_report<'a>(
     name: &str,
     pixels: &(impl Iterator<Item = (&'a PixelAnswer, &'a Judged)> + Clone),

@@ -50,6 +50,8 @@ impl Extent {
 }
 
 impl Ranks {
+    /// Ranks the overlapping faces of a scene.
+    ///
     /// # Errors
     /// [`Refused::Coincident`].
     pub(super) fn new(scene: &Scene, overlaps: &[Overlap], tolerance: f64) -> Result<Self, Refused> {

@@ -13,13 +13,13 @@ pub(super) const HEAD: usize = 1 << 16;
 
 /// A format of scene files: its names, its detection, and its reader.
 pub(super) trait Reader: Sync {
-    /// Its name, in small letters.
+    /// Returns its name, in small letters.
     fn name(&self) -> &'static str;
 
-    /// Its description, for a list.
+    /// Returns its description, for a list.
     fn summary(&self) -> &'static str;
 
-    /// The suffixes of its files, in small letters.
+    /// Returns the suffixes of its files, in small letters.
     fn suffixes(&self) -> &'static [&'static str];
 
     /// Returns whether a file begins like those of the format.

@@ -58,7 +58,7 @@ const NODES: [u8; 38] = [
     0, 0, 16, 25, 36,
 ];
 
-/// A type of elements, and its number of vertices.
+/// Returns the cell of a type of elements, and its number of vertices.
 fn element(kind: i64) -> Option<(Cell, usize)> {
     let place = usize::try_from(kind).ok()?.checked_sub(1)?;
     let n = usize::from(*NODES.get(place)?);
