@@ -200,7 +200,7 @@ fn named() -> std::thread::Builder {
     std::thread::Builder::new().name("radiosity".into()).stack_size(STACK)
 }
 
-/// Runs a body on a thread of its own, while this one checks for signals; returns the result of both.
+/// Runs a body on a thread of its own, while this one checks for signals; returns its result, and the error of the checks if there was one.
 fn watched<T: Send>(
     body: impl FnOnce() -> T + Send,
     shared: &Shared,

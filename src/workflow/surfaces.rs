@@ -23,7 +23,7 @@ impl SurfaceTable {
     /// The greatest number of surfaces in a table for readers.
     pub const MAX_READ: usize = 12;
 
-    /// The greatest number of surfaces in a document, whose size is then below several MB.
+    /// The greatest number of surfaces in a document; more would make one of several MB.
     pub const MAX_PRINTED: usize = 200;
 
     /// Calculates form factors between up to `n_wanted` surfaces; the plan records if there are more or they do not fit into memory.

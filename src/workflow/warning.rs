@@ -325,7 +325,7 @@ pub enum Warning {
     },
     /// The stated errors exclude the error of the mesh.
     NoMeshError,
-    /// The error of the mesh is known only from a mesh of one patch per face, which changes much.
+    /// The error of the mesh is known only from a mesh of one patch per face, and is large.
     OnePatchAFace {
         /// The greatest relative change of a surface's mean radiosity in that mesh.
         change: f64,
