@@ -1,4 +1,6 @@
-//! `exact` on one core: a closed cube, a room with a floating box at three sizes, and after that box has moved: all factors anew, or only those that can have changed.
+//! Benchmarks `exact` on one core: a closed cube, a room with a floating box at three sizes, and the room after a move of the box.
+//!
+//! After the move all factors are computed, or only those that can have changed.
 
 use std::hint::black_box;
 use std::sync::Once;
@@ -27,7 +29,7 @@ impl Prepared {
         }
     }
 
-    /// The same scene with the surfaces of the given prefix moved.
+    /// Returns the scene with the surfaces of the given prefix moved.
     fn moved(&self, prefix: &str, translate: [f64; 3]) -> Self {
         let names = self.scene.surfaces.iter().map(|surface| surface.name.clone());
         let motion = Motion {
@@ -115,7 +117,7 @@ fn exact(criterion: &mut Criterion) {
     ] {
         let prepared = Prepared::new(name, n);
         let id = format!("{name}, {} patches, {tolerance:e}", prepared.mesh.n_patches());
-        // Found once, and only where the benchmark runs: it takes longer than what is measured.
+        // The reference is computed once, and only if the benchmark runs: it takes longer than the measured work.
         let once = Once::new();
         group.bench_function(BenchmarkId::from_parameter(&id), |bencher| {
             once.call_once(|| {
@@ -128,7 +130,7 @@ fn exact(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// The ratio of both times is what keeping factors saves; deciding which ones to keep is part of the second.
+/// Measures the two ways after a move; their ratio is the saving by keeping factors, and the second includes the choice of these.
 fn moved(criterion: &mut Criterion) {
     let pool = one_thread();
     let mut group = criterion.benchmark_group("exact after a move");

@@ -1,10 +1,10 @@
-//! How fast form factors are applied, beside a plain parallel read of as many bytes.
+//! Measures how fast form factors are applied, beside a plain parallel read of as many bytes.
 //!
-//! `cargo bench --bench matrix` prints a table of rates and ratios. All of a row of the table were measured by turns, so that a
-//! machine that changes its pace changes all of them; medians count. The ratio is the time of the read by the time of the pass: 1
-//! is as fast as memory. `cargo bench --bench matrix -- "dense f32"` measures the rows whose names contain that, and a number, as in `-- sparse 768`, takes so many patches: few of
-//! them show what a pass takes when all lies in the caches. `-- sparse 1/16` leaves one in sixteen of the entries of a sparse matrix, in place of one in
-//! four. The matrices on a disk were written just before, so the system has them in memory: what is measured is the program's own work.
+//! `cargo bench --bench matrix` prints a table of rates and ratios. All of a row of the table were measured in turns, so that changes of the
+//! machine's speed affect all of them; medians count. The ratio is the time of the read over the time of the pass: 1
+//! is as fast as memory. `cargo bench --bench matrix -- "dense f32"` measures the rows whose names contain that, and a number, as in `-- sparse 768`, sets the number of patches: few
+//! patches show the time of a pass in the caches. `-- sparse 1/16` has one in sixteen of the entries of a sparse matrix, in place of one in
+//! four. The matrices on a disk were written just before, so the system has them in memory: the program's own work is measured.
 #![expect(clippy::print_stdout, reason = "a table of rates is what a benchmark is for")]
 
 use std::hint::black_box;
@@ -15,20 +15,22 @@ use radiosity::matrix::operator::{Block, LinearOperator, RowAccess};
 use radiosity::matrix::{FormFactors, Layout, Place, Precision, RowTally, RowTile, Scratch, StorageChoice};
 use rayon::prelude::*;
 
-/// Patches unless a number is given: 151 MB of f32 in full, more than caches hold.
+/// The default number of patches: 151 MB of f32 in full, more than caches hold.
 const N: usize = 6144;
 
-/// Runs of each measurement.
+/// The number of runs of each measurement.
 const N_ROUNDS: usize = 21;
 
-/// A sparse matrix has one in so many of its entries, unless told otherwise.
+/// The default ratio of all entries of a sparse matrix to its stored ones.
 const ONE_IN: u64 = 4;
 
-/// Columns of a run, where entries lie in runs: `exact` with its shadows leaves runs of 20 to 40 on average in `room-box`, `corridor` and `sphere-room-r1`, of which 82 to 91 % of all
-/// chunks of eight entries lie whole in one.
+/// The columns of a run of entries.
+///
+/// In `room-box`, `corridor` and `sphere-room-r1`, shadows by `exact` leave runs of 20 to 40 on average, and 82 to 91 % of all
+/// chunks of eight entries lie in one.
 const RUN: usize = 32;
 
-/// Words that one task of the plain read sums up.
+/// The number of words that one task of the plain read adds up.
 const WORDS_PER_TASK: usize = 1 << 16;
 
 fn main() {
@@ -108,14 +110,14 @@ fn main() {
     }
 }
 
-/// Where the entries of a matrix are.
+/// The pattern of the entries of a matrix.
 #[derive(Clone, Copy)]
 enum Pattern {
     /// Everywhere.
     Full,
-    /// In runs of [`RUN`], one in so many of which there is, beginning elsewhere in every row.
+    /// In runs of [`RUN`] columns, of which one in `one_in` has entries, with another start in every row.
     Runs,
-    /// At places without a pattern.
+    /// At scattered places.
     Scattered,
 }
 
@@ -150,7 +152,7 @@ fn compare(name: &str, n_threads: usize, factors: &FormFactors, words: &[u64]) {
             measure(1 + k, &mut || factors.apply(black_box(x), black_box(y)));
         }
     }
-    // Apart, since it leaves other things in the caches than passes do.
+    // The read is measured separately, since it leaves other data in the caches than passes do.
     if n_threads == 1 && !factors.storage().place.is_on_disk() {
         for _ in 0..N_ROUNDS {
             for (k, (x, y)) in blocks.iter().zip(&mut results).enumerate() {
@@ -173,7 +175,7 @@ fn compare(name: &str, n_threads: usize, factors: &FormFactors, words: &[u64]) {
     );
 }
 
-/// Row after row, as Gauss-Seidel sweeps.
+/// Applies row after row, as Gauss-Seidel sweeps.
 fn by_rows(factors: &FormFactors, x: &Block, y: &mut Block) {
     for i in 0..factors.n_rows() {
         let sums = y.row_mut(i);
@@ -182,7 +184,7 @@ fn by_rows(factors: &FormFactors, x: &Block, y: &mut Block) {
     }
 }
 
-/// Sums all words with the widest instructions that the processor has, in four streams for each thread, which is faster than one.
+/// Adds up all words with the widest instructions of the processor, in four streams for each thread, which is faster than one.
 fn plain_read(words: &[u64]) -> u64 {
     let sum = |chunk: &[u64]| {
         Arch::new().dispatch(|| {
@@ -196,7 +198,7 @@ fn plain_read(words: &[u64]) -> u64 {
                 add(&mut lanes[2], r);
                 add(&mut lanes[3], s);
             }
-            // A few words of the last chunk are left out where its length is not a multiple of 32.
+            // A few words of the last chunk are omitted if its length is not a multiple of 32.
             lanes
                 .as_flattened()
                 .iter()
@@ -219,7 +221,7 @@ fn add(lanes: &mut [u64; 8], words: &[u64; 8]) {
     }
 }
 
-/// A matrix by rows, or the same above the diagonal and its mirror image below.
+/// Returns a matrix by rows, or the same above the diagonal and its mirror image below.
 fn factors(n: usize, choice: StorageChoice, pairs: bool, has: impl Fn(usize, usize) -> bool) -> FormFactors {
     let firsts: Vec<usize> = (0..n).step_by(16).collect();
     let tiles = firsts.into_iter().map(|first| {
@@ -240,7 +242,7 @@ fn factors(n: usize, choice: StorageChoice, pairs: bool, has: impl Fn(usize, usi
     made.expect("sound rows")
 }
 
-/// A number that does not look related to i and j.
+/// Returns a number that seems unrelated to i and j.
 fn scattered(i: usize, j: usize) -> u64 {
     let mixed = ((i as u64) << 32 | j as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     (mixed ^ (mixed >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9) >> 33

@@ -1,4 +1,4 @@
-//! Form factors behind occluders: a closed room with a floating box, all pairs of patches.
+//! Benchmarks form factors behind occluders: a closed room with a floating box, all pairs of patches.
 
 use std::hint::black_box;
 

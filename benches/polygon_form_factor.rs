@@ -1,4 +1,4 @@
-//! Exchange areas of polygon pairs, in time per pair: all pairs of patches of the cube, and one pair for each rule.
+//! Benchmarks exchange areas of polygon pairs, in time per pair: all pairs of patches of the cube, and one pair for each rule.
 
 use std::hint::black_box;
 
@@ -6,7 +6,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use radiosity::geometry::DVec3;
 use radiosity::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, contour, contour_extended, exchange_area};
 
-/// The inward-facing walls of the unit cube, n × n patches each, turned so that no edge is along an axis.
+/// Returns the inward-facing walls of the unit cube, n × n patches each, turned so that no edge is along an axis.
 fn cube(n: u32) -> [Vec<PreparedPolygon>; 6] {
     let turn = glam::DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 2.0) / 3.0, 0.7);
     let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);

@@ -1,9 +1,9 @@
-//! How fast solvers are beside one another: in the room of Lewis 1992, and in the six cases of Baranoski, Bramley and Shirley 1995.
+//! Compares the speed of solvers: in the room of Lewis 1992, and in the six cases of Baranoski, Bramley and Shirley 1995.
 //!
 //! Every line is a level or a case; runs alternate, and the ratio of medians counts. The room of Lewis: from u = f to max |r| < 2.5e-5 W·m⁻², with one check of the true
-//! residual. The cases: from B = E to a relative residual of 1e-6, times by that of `gauss-seidel`; setup is part of the time. "auto / best" is the time of `auto` by that of the
+//! residual. The cases: from B = E to a relative residual of 1e-6, times over that of `gauss-seidel`; setup is part of the time. "auto / best" is the time of `auto` over that of the
 //! fastest other solver of the line.
-//! `cargo bench --bench solvers -- 5` goes up to level 5, which is what happens without a number; `-- 5 lewis` leaves out the cases.
+//! `cargo bench --bench solvers -- 5` goes up to level 5, the default; `-- 5 lewis` omits the cases.
 #![expect(clippy::print_stdout, reason = "a benchmark prints its figures")]
 
 use std::ops::ControlFlow;
@@ -24,14 +24,14 @@ use radiosity::solver::{
 };
 use radiosity::visibility::embree::EmbreeVisibility;
 
-/// Runs of each measurement; the median counts.
+/// The number of runs of each measurement, of which the median counts.
 const N_ROUNDS: usize = 9;
 
-/// Rays for each patch of the cases: the share of entries that are 0 is then that of exact form factors, to a hundredth.
+/// The rays for each patch of the cases: the share of entries that are 0 is then that of exact form factors, to a hundredth.
 const RAYS: u64 = 1 << 16;
 
 fn main() {
-    // As in the program, whose main thread is one of the pool.
+    // The main thread is one of the pool, as in the program.
     let pool = rayon::ThreadPoolBuilder::new().build();
     pool.expect("threads start").install(measure);
 }
@@ -84,7 +84,7 @@ fn lewis(level: u32) {
         tolerance: Tolerance::ResidualMax(TOLERANCE),
         ..SolveOptions::default()
     };
-    // A clock must have something to measure in small rooms.
+    // Small rooms run many times, so that the times are measurable.
     let repeats = 1 + 10_000_000 / room.n_patches().pow(2);
     let solvers: [&dyn Solver; 4] = [&GaussSeidel, &multigrid, &Gmres::default(), chooser.as_ref()];
     let (mut times, mut setups) = (vec![Vec::new(); 4], Vec::new());

@@ -1,7 +1,7 @@
-//! How fast discrete lines are walked and links gathered, beside Embree's rays from the same voxels in the same directions.
+//! Measures how fast discrete lines are walked and links gathered, beside Embree's rays from the same voxels in the same directions.
 //!
-//! `cargo bench --bench voxel` takes turns, so that a machine that changes its pace changes all rates alike. The sample is every 64th block of 64 surfels
-//! of the living room on 315 × 315 × 190 voxels, R = 30: 1/64 of the paper's first experiment, so 64 times a time is what one thread needs for all of it.
+//! `cargo bench --bench voxel` measures in turns, so that changes of the machine's speed affect all rates alike. The sample is every 64th block of 64 surfels
+//! of the living room on 315 × 315 × 190 voxels, R = 30: 1/64 of the paper's first experiment, so one thread needs 64 times the measured time for all of it.
 #![expect(clippy::print_stdout, reason = "a table of rates is what a benchmark is for")]
 
 use std::hint::black_box;

@@ -1,13 +1,13 @@
-//! Finished pieces of long work, in a file from which a later run takes them up.
+//! A file of finished pieces of long work, which a later run reuses.
 //!
-//! A file is a head of 56 bytes (a name of the layout, then a key that tells one piece of work from another) and records in the order in which pieces were
-//! finished: the piece's number and the length of its content (u64 each), the content, and the CRC-32 of all that (u32); little-endian. What follows the
-//! last record that is whole is what a killed run was writing, and is dropped.
+//! A file is a head of 56 bytes (a name of the layout, then a key of the work) and records in the order in which pieces were
+//! finished: the piece's number and the length of its content (u64 each), the content, and the CRC-32 of all these (u32); little-endian. Bytes after the
+//! last complete record are those that a killed run was writing, and are dropped.
 //!
-//! Work of several stages keeps each of them in a part of its own, with a key of its own: the upper 24 bits of a piece's number are those of its part, and the last
-//! piece of a part is its key. A part that begins anew with another key has none of the pieces before.
+//! Work of several stages stores each of them in a part of its own, with a key of its own: the upper 24 bits of a piece's number are those of its part, and the last
+//! piece of a part is its key. A part that begins anew with another key has none of the earlier pieces.
 //!
-//! Each of several ranks writes a file of its own, `FILE.0`, `FILE.1` and so on, and reads those of all ranks of earlier runs, however many there were: they are to be on a disk that all ranks share.
+//! Each of several ranks writes a file of its own, `FILE.0`, `FILE.1` and so on, and reads those of all ranks of earlier runs, of any number; they have to be on a disk that all ranks share.
 
 mod others;
 mod records;
@@ -24,19 +24,19 @@ use crate::ranks::Ranks;
 use others::{Other, file_of_rank, ranks_beside};
 use records::{HEAD, LAYOUT, PART_KEY, PIECE_BITS, Pieces, checksum, content, in_part, insert, whole_records};
 
-/// Why a checkpoint cannot be used.
+/// A reason why a checkpoint cannot be used.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum CheckpointError {
-    /// The file system refuses.
+    /// The file system refuses access.
     #[error("{}: the checkpoint cannot be used: {source}", .path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The operating system's message.
         source: io::Error,
     },
-    /// The file is no checkpoint.
+    /// The file is not a checkpoint.
     #[error("{}: it is no checkpoint, and is left as it is; name another file", .path.display())]
     NotACheckpoint {
         /// The file.
@@ -57,7 +57,7 @@ pub enum CheckpointError {
 }
 
 impl CheckpointError {
-    /// Returns why the file system refuses, or why the file is refused.
+    /// Returns the reason as text, without the file's name for errors of the file system.
     #[must_use]
     pub fn reason(&self) -> String {
         match self {
@@ -89,17 +89,19 @@ struct State {
     file: File,
     /// The files of other ranks.
     others: Vec<Other>,
-    /// Where the next record goes.
+    /// The place of the next record.
     end: u64,
     pieces: Pieces,
-    /// The part that pieces belong to now.
+    /// The current part.
     part: u32,
     /// The first error of storing a piece; no piece is stored after it.
     failed: Option<io::Error>,
 }
 
 impl Checkpoint {
-    /// Opens the checkpoint of one of several ranks, `path` with the rank's number, and reads the pieces that all ranks of earlier runs kept. A single rank opens `path` itself.
+    /// Opens the checkpoint of one of several ranks, `path` with the rank's number, and reads the pieces of all ranks of earlier runs.
+    ///
+    /// A single rank opens `path` itself.
     ///
     /// # Errors
     /// As [`open`](Self::open).
@@ -123,10 +125,10 @@ impl Checkpoint {
         Ok(checkpoint)
     }
 
-    /// Opens the checkpoint of the work that `key` (a hash of all that its results depend on) stands for, or begins one.
+    /// Opens the checkpoint of the work with a `key` (a hash of its whole input), or begins one.
     ///
     /// # Errors
-    /// [`CheckpointError`]: the file cannot be opened or written, is something else, belongs to other work, or is in use.
+    /// [`CheckpointError`]: the file cannot be opened or written, is not a checkpoint, belongs to other work, or is in use.
     pub fn open(path: &Path, key: &[u8; 32]) -> Result<Self, CheckpointError> {
         let failed = |source| CheckpointError::Io {
             path: path.to_owned(),
@@ -147,7 +149,7 @@ impl Checkpoint {
         let mut found = Vec::new();
         (&mut file).take(HEAD).read_to_end(&mut found).map_err(failed)?;
         if found.len() < head.len() && LAYOUT.starts_with(&found[..found.len().min(LAYOUT.len())]) {
-            // New, or killed at once.
+            // The file is new, or its run was killed at once.
             file.set_len(0).and_then(|()| file.rewind()).map_err(failed)?;
             file.write_all(&head).map_err(failed)?;
         } else if !found.starts_with(LAYOUT) {
@@ -170,7 +172,7 @@ impl Checkpoint {
         })
     }
 
-    /// Returns how many pieces it holds.
+    /// Returns the number of its pieces.
     #[must_use]
     pub fn n_pieces(&self) -> usize {
         let state = self.state();
@@ -179,7 +181,9 @@ impl Checkpoint {
         all.collect::<BTreeSet<_>>().len()
     }
 
-    /// Goes over to another part: pieces are its own from now on. What was kept of it for another `key` is forgotten.
+    /// Switches to another part, to which later pieces belong.
+    ///
+    /// Pieces of this part with another `key` are dropped.
     ///
     /// # Panics
     /// If `part` is not below 2^24.
@@ -202,7 +206,7 @@ impl Checkpoint {
         }
     }
 
-    /// Returns the part that pieces belong to now; 0 at first.
+    /// Returns the current part; 0 at first.
     #[must_use]
     pub fn part(&self) -> u32 {
         self.state().part
@@ -214,7 +218,7 @@ impl Checkpoint {
         &self.path
     }
 
-    /// Returns the content of a piece, or `None` if it has not been kept or cannot be read as it was written.
+    /// Returns the content of a piece, or `None` if it is not stored or damaged.
     pub(crate) fn piece(&self, k: u64) -> Option<Vec<u8>> {
         self.contents(k).next()
     }
@@ -238,7 +242,7 @@ impl Checkpoint {
             .flatten()
     }
 
-    /// Returns whether a piece is kept.
+    /// Returns whether a piece is stored.
     pub(crate) fn has(&self, k: u64) -> bool {
         let state = self.state();
         let k = in_part(state.part, k);
@@ -246,7 +250,7 @@ impl Checkpoint {
         state.pieces.contains_key(&k) || others.any(|other| other.pieces.contains_key(&k))
     }
 
-    /// Keeps a finished piece. A failure, such as a full disk, does not stop the work: see [`failure`](Self::failure).
+    /// Stores a finished piece; a failure, such as a full disk, does not stop the work: see [`failure`](Self::failure).
     pub(crate) fn keep(&self, k: u64, content: &[u8]) {
         let mut state = self.state();
         if state.failed.is_some() {
@@ -270,20 +274,20 @@ impl Checkpoint {
                 state.end = end + record.len() as u64;
             }
             Err(error) => {
-                // Half a record would be dropped by the next run; the disk has better use for the room.
+                // The next run would drop an incomplete record, so its space is freed.
                 let _ = state.file.set_len(end);
                 state.failed = Some(error);
             }
         }
     }
 
-    /// Returns why pieces could not be kept, if so.
+    /// Returns the reason if pieces could not be stored.
     #[must_use]
     pub fn failure(&self) -> Option<String> {
         self.state().failed.as_ref().map(ToString::to_string)
     }
 
-    /// Removes the file: the work is done. The first rank also removes those that ranks of earlier runs left.
+    /// Removes the file of finished work; the first rank also removes those that ranks of earlier runs left.
     ///
     /// # Errors
     /// Errors of the file system.
@@ -335,7 +339,7 @@ mod tests {
             assert_eq!(checkpoint.n_pieces(), expected, "{cut}");
             assert_eq!(checkpoint.piece(3), (expected > 0).then(|| vec![3; 300]));
             assert_eq!(checkpoint.piece(8), (expected > 2).then(|| vec![8; 800]));
-            // What is written after a cut is found again.
+            // Pieces written after a cut are found again.
             checkpoint.keep(9, b"nine");
             drop(checkpoint);
             let again = Checkpoint::open(&path, &KEY).unwrap();
@@ -377,7 +381,7 @@ mod tests {
         assert_eq!(again.piece(7).unwrap(), b"third");
     }
 
-    /// A rank among so many, which no other one waits for.
+    /// A rank with a number of ranks, for which no other one waits.
     #[derive(Debug)]
     struct Rank(usize, usize);
 
@@ -404,7 +408,7 @@ mod tests {
             checkpoint.begin_part(1, &[9; 32]);
             checkpoint.keep(rank as u64, b"part 1");
         }
-        // No checkpoint, and one of other work, are nobody's.
+        // A file that is no checkpoint, and a checkpoint of other work, belong to no rank.
         std::fs::write(directory.path().join("c.txt"), "v 0 0 0\n").unwrap();
         drop(Checkpoint::open(&directory.path().join("c.7"), &[8; 32]).unwrap());
         for (rank, n) in [(1, 2), (0, 1), (4, 5)] {
@@ -418,7 +422,7 @@ mod tests {
             checkpoint.begin_part(1, &[9; 32]);
             assert_eq!(checkpoint.piece(2), Some(b"part 1".to_vec()));
         }
-        // A part with another key forgets what other ranks kept of it, too.
+        // A part with another key also drops the pieces of other ranks.
         let checkpoint = open(1, 2);
         checkpoint.begin_part(1, &[7; 32]);
         assert_eq!(checkpoint.piece(2), None);

@@ -1,6 +1,6 @@
-//! Sets that only grow together.
+//! A union-find structure.
 
-/// Disjoint sets of the numbers below n, which are joined in pairs; the least member stands for its set.
+/// Disjoint sets of the numbers below n, joined in pairs; the least member represents its set.
 ///
 /// Union by least member with path halving: O(log n) amortised a call (Tarjan and van Leeuwen 1984).
 #[derive(Clone, Debug)]
@@ -29,7 +29,7 @@ impl DisjointSets {
         x
     }
 
-    /// Joins the sets of two members; returns false if they were one.
+    /// Joins the sets of two members; returns false if they were the same set.
     pub(crate) fn join(&mut self, a: usize, b: usize) -> bool {
         let (a, b) = (self.find(a), self.find(b));
         self.parent[a.max(b)] = self.parent[a.min(b)];

@@ -1,10 +1,10 @@
-//! Work done in parallel, its results taken in order, and never more of them in memory than asked for.
+//! Runs work in parallel and yields its results in order, with bounded memory.
 
 use rayon::prelude::*;
 
 /// Yields `work(0)`, `work(1)`, ..., `work(n − 1)`.
 ///
-/// Whenever there is no result left, the next `window` of them are computed in parallel. The results do not depend on `window` or the number
+/// If no result is left, the next `window` of them are computed in parallel. The results do not depend on `window` or the number
 /// of threads.
 pub(crate) struct InOrder<T, F> {
     next: usize,
@@ -15,7 +15,7 @@ pub(crate) struct InOrder<T, F> {
 }
 
 impl<T: Send, F: Fn(usize) -> T + Sync> InOrder<T, F> {
-    /// At most `memory_byte` of results, each of up to `item_byte`, are kept, but always as many as there are threads.
+    /// Stores at most `memory_byte` of results, each of up to `item_byte`, but at least one per thread.
     pub(crate) fn new(n: usize, item_byte: u64, memory_byte: u64, work: F) -> Self {
         let fitting = usize::try_from(memory_byte / item_byte.max(1)).unwrap_or(usize::MAX);
         Self {
@@ -42,7 +42,7 @@ impl<T: Send, F: Fn(usize) -> T + Sync> Iterator for InOrder<T, F> {
     }
 }
 
-/// Yields `work` of each item in order, as many at a time in parallel as there are threads.
+/// Yields `work` of each item in order, with as many in parallel as there are threads.
 pub(crate) fn by_turns<A: Send, B: Send>(
     mut items: impl Iterator<Item = A>,
     work: impl Fn(A) -> B + Sync,

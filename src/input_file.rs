@@ -1,16 +1,16 @@
-//! Files that are read: what is no file, or has more than any of its kind, is refused before it is read.
+//! Opens files to read, and refuses directories, devices and files beyond a limit.
 
 use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::Path;
 
-/// The most bytes that a description may have: a TOML file, a material library, the JSON of form factors.
+/// The greatest size of a description, in bytes: a TOML file, a material library, the JSON of form factors.
 pub(crate) const DESCRIPTION_LIMIT: u64 = 64 << 20;
 
 /// Opens a file to read.
 ///
 /// # Errors
-/// Errors of the file system, with their remedy; a directory; a device, which may have no end.
+/// Errors of the file system, with their remedy; a directory; a device, which may be endless.
 pub(crate) fn open(path: &Path) -> io::Result<File> {
     let file = File::open(path).map_err(|error| told(&error))?;
     let found = file.metadata().map_err(|error| told(&error))?;
@@ -29,10 +29,12 @@ pub(crate) fn open(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// Refuses what is no plain file, before it is opened: a pipe that nobody writes to would be waited for. For files that the user did not name, but a scene, a list of frames or another file.
+/// Refuses everything but a plain file, before it is opened: a pipe without a writer would block.
+///
+/// It is for files that are named by a scene, a list of frames or another file, not by the user.
 ///
 /// # Errors
-/// Errors of the file system, with their remedy; all but a plain file.
+/// Errors of the file system, with their remedy; anything but a plain file.
 pub(crate) fn expect_plain(path: &Path) -> io::Result<()> {
     let found = std::fs::metadata(path).map_err(|error| told(&error))?;
     if found.is_file() {
@@ -45,8 +47,9 @@ pub(crate) fn expect_plain(path: &Path) -> io::Result<()> {
     Err(io::Error::new(io::ErrorKind::InvalidInput, reason))
 }
 
-/// Opens a file to inspect before it is read; `None` unless it is a plain file. A pipe is left to its reader, because its bytes come once and closing it ends its
-/// writer.
+/// Opens a file to inspect before it is read; `None` unless it is a plain file.
+///
+/// A pipe is left to its reader: its bytes come only once, and closing it ends its writer.
 ///
 /// # Errors
 /// Errors of the file system, with their remedy.
@@ -72,7 +75,7 @@ pub(crate) fn read(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     if file.metadata().map_err(|error| told(&error))?.len() > limit {
         return Err(too_long());
     }
-    // A pipe tells no length, and a file can grow.
+    // A pipe has no length, and a file can grow.
     let mut bytes = Vec::new();
     file.take(limit.saturating_add(1))
         .read_to_end(&mut bytes)
@@ -83,7 +86,7 @@ pub(crate) fn read(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Returns the remedy for an error of the system.
+/// Returns an error of the system with its remedy.
 fn told(error: &io::Error) -> io::Error {
     let kind = error.kind();
     let reason = match kind {

@@ -1,21 +1,21 @@
 //! View factors and radiosity for diffuse scenes, with an error stated for every number.
 //!
-//! A scene of flat faces goes in; form factors, radiosities and pictures come out:
+//! A scene of flat faces becomes form factors, radiosities and images:
 //!
 //! ```text
 //! scene file ──▶ Scene ──▶ Mesh (patches) ──▶ FormFactors ──▶ RadiositySystem ──▶ Solution ──▶ Image ──▶ .exr
 //!    scene/          mesh/     visibility/ +       matrix/          solver/          render/
 //!                             form_factor/
-//! plan looks at the scene first and leaves out what it does not need; report tells what was done, and how well.
+//!                   plan examines the scene first and omits unneeded work; report describes the work and its accuracy.
 //! ```
 //!
-//! Each arrow is one call with one input and one output. Dependencies point one way; nothing below imports anything above:
+//! Each arrow is one call with one input and one output. Dependencies point one way; no module imports one on its left:
 //!
 //! ```text
 //! cli, python → document → experiment → workflow → audit → report, render → heat, solver → form_factor → matrix, visibility → mesh → scene, geometry
 //! ```
 //!
-//! | module | what it holds |
+//! | module | content |
 //! |---|---|
 //! | [`scene`] | a validated scene; OBJ and MTL files; cameras; the built-in scenes |
 //! | [`mesh`] | patches: faces cut so that flat neighbours match |
@@ -26,15 +26,15 @@
 //! | [`solver`] | the solvers, one file each, behind one trait |
 //! | [`voxel`] | discrete radiosity: integer lines between voxels |
 //! | [`heat`] | boundary conditions, solar and thermal band, temperatures; sun and sky |
-//! | [`render`] | pictures: layers, OpenEXR, preview, and their verification |
+//! | [`render`] | images: layers, OpenEXR, preview, and their verification |
 //! | [`workflow`] | whole studies: all of the above in turn, with the stated errors, the audit and the warnings |
 //! | [`audit`] | conservation checks of form factors, solutions and images |
 //! | [`experiment`] | methods side by side; the papers' tables beside ours; solvers on stiff and extreme systems |
-//! | [`plan`], [`report`], [`progress`] | what is needed, what was done, how far it is |
-//! | [`checkpoint`] | finished pieces of long work, for a later run to go on from |
+//! | [`plan`], [`report`], [`progress`] | the needed work, the results, and the state of the work |
+//! | [`checkpoint`] | finished pieces of long work, which a later run reuses |
 //! | [`ranks`] | several processes that share the work, by MPI |
 //! | [`geometry`] | polygons, closed forms, quadrature, sampling |
-//! | [`document`] | what the program prints as JSON, one typed structure for each command |
+//! | [`document`] | the JSON that the program prints, one typed structure for each command |
 //! | [`cli`] | the command-line program |
 //! | [`notation`], [`references`] | symbols and sources |
 //!

@@ -1,8 +1,8 @@
-//! Settings that warnings and refusals name as remedies.
+//! Settings that warnings and errors name as remedies.
 
 use crate::setting::Setting;
 
-/// A setting that remedies name; a program says how its users write it.
+/// A setting that remedies name; a program supplies the syntax of its users.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, strum::IntoStaticStr)]
 #[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
@@ -11,9 +11,9 @@ pub enum Parameter {
     Flip,
     /// [`MeshOptions::cut_at_walls`](crate::mesh::MeshOptions::cut_at_walls).
     CutAtWalls,
-    /// [`TOLERANCE`](crate::form_factor::TOLERANCE), where form factors are all that is wanted.
+    /// The tolerance [`TOLERANCE`](crate::form_factor::TOLERANCE), in a run for form factors alone.
     Tolerance,
-    /// The same, where a solver has a tolerance too.
+    /// The same, if a solver has a tolerance too.
     FormFactorTolerance,
     /// The tolerance of the solver.
     #[strum(serialize = "tolerance")]
@@ -34,7 +34,7 @@ pub enum Parameter {
     Storage,
     /// [`Memory::precision`](crate::workflow::Memory::precision).
     Precision,
-    /// Form factors that are computed in every pass.
+    /// Form factors that are recomputed in every pass.
     OnTheFly,
     /// [`FormFactorRequest::time_limit`](crate::workflow::FormFactorRequest::time_limit).
     TimeLimit,
@@ -50,9 +50,9 @@ pub enum Parameter {
     GatherRays,
     /// [`GatherSettings::noise`](crate::render::GatherSettings::noise).
     Noise,
-    /// Where the camera stands.
+    /// The position of the camera.
     Eye,
-    /// Where the camera looks.
+    /// The point at which the camera looks.
     LookAt,
     /// The direction that is up in the image.
     Up,
@@ -80,7 +80,7 @@ pub enum Parameter {
     North,
     /// The angular radius of the sun, in degrees.
     AngularRadius,
-    /// Whether tables are whole that are long.
+    /// The option of complete long tables.
     Full,
     /// A setting of methods or solvers.
     Of(&'static Setting),
@@ -97,7 +97,7 @@ impl Parameter {
     }
 }
 
-/// Returns how the users of a program write a parameter, with its value if there is one.
+/// Formats a parameter in the syntax of a program's users, with its value if there is one.
 pub type Named<'a> = &'a dyn Fn(Parameter, Option<&str>) -> String;
 
 /// Returns a parameter as [`Display`](fmt::Display) writes it: its name, and `name=value`.

@@ -1,4 +1,4 @@
-//! The plan of the work for a scene: the steps, those left out, and the reasons. `--explain` prints it.
+//! The plan of the work for a scene: the steps, those left out, and the reasons, which `--explain` prints.
 
 mod storage;
 mod voxels;
@@ -14,7 +14,7 @@ use serde::Serialize;
 use crate::scene::topology::{self, Enclosure};
 use crate::scene::{FaceId, Scene};
 
-/// The work left out where nothing is coloured.
+/// The omitted work of a scene without colours.
 const GREY: &str = "two of three channels: every material is grey";
 
 /// One decision with its reason.
@@ -32,13 +32,13 @@ pub struct Decision {
 /// The plan of the work for a scene.
 #[derive(Clone, Debug, Serialize)]
 pub struct Plan {
-    /// 1 where every material is grey, else 3.
+    /// The number of channels: 1 if every material is grey, else 3.
     pub n_channels: usize,
-    /// True if no face can block another: visibility between patches need not be asked.
+    /// True if no face can occlude another, so that no visibility queries are needed.
     pub convex_and_empty: bool,
-    /// True if the faces are known to enclose all light before any ray is traced.
+    /// True if the faces are known, without rays, to enclose all light.
     pub watertight: bool,
-    /// The first face of each closed piece that is wound the wrong way (see [`Enclosure`]).
+    /// The first face of each closed piece with inverted normals (see [`Enclosure`]).
     pub turned: Vec<FaceId>,
     /// The decisions, in the order in which they were made.
     pub decisions: Vec<Decision>,
@@ -47,7 +47,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Looks at a scene.
+    /// Plans the work for a scene.
     #[must_use]
     pub fn new(scene: &Scene) -> Self {
         let Enclosure { watertight, turned } = Enclosure::of(scene);
@@ -94,7 +94,7 @@ impl Plan {
         plan
     }
 
-    /// Notes how many channels all lightings have together, which need not be those of the scene's own materials.
+    /// Records the number of channels of all lightings together, which may differ from that of the scene's own materials.
     pub fn revise_channels(&mut self, n_channels: usize) {
         if n_channels != self.n_channels {
             let reason = "one for each lighting in which all is grey, three for each of the others";
@@ -103,7 +103,7 @@ impl Plan {
         }
     }
 
-    /// Notes how many faces of a mesh are cut at contact edges, and whether they were to be; `whole` is what keeps them whole.
+    /// Records how many faces of a mesh are cut at contact edges, and whether they were to be; `whole` is the setting that keeps them whole.
     pub fn note_cut_faces(&mut self, n_cut_faces: usize, wanted: bool, whole: &str) {
         let left_out = "cutting faces at contact edges";
         match n_cut_faces {
@@ -119,7 +119,7 @@ impl Plan {
         }
     }
 
-    /// Replaces the decision on a subject, or adds it.
+    /// Replaces the decision on a subject, or adds one.
     pub fn revise(&mut self, subject: &'static str, choice: impl Into<String>, reason: impl Into<String>) {
         let (choice, reason) = (choice.into(), reason.into());
         match self.decisions.iter_mut().find(|decision| decision.subject == subject) {
@@ -144,7 +144,7 @@ impl Plan {
     }
 }
 
-/// Returns a number of bytes in whole ones.
+/// Returns a number of bytes, rounded to an integer.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

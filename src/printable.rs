@@ -1,15 +1,17 @@
-//! Text out of files as it may stand in a message.
+//! Formats text from files for messages.
 
-/// Returns the text on one line: a replacement character stands for each character that breaks a line, commands a terminal or turns the direction of writing.
+/// Returns the text on one line, without control characters.
+///
+/// A replacement character replaces each character that breaks a line, controls a terminal or changes the direction of writing.
 pub(crate) fn printable(text: &str) -> String {
     let shown = |c: char| if is_shown(c) { c } else { char::REPLACEMENT_CHARACTER };
     text.chars().map(shown).collect()
 }
 
-/// The most characters of a piece of input that a message quotes.
+/// The greatest number of characters of input that a message quotes.
 const MAX_QUOTED: usize = 60;
 
-/// Returns a piece of input as a message quotes it: as [`printable`] does, and cut after 60 characters.
+/// Returns input as a message quotes it: like [`printable`], cut after 60 characters.
 pub(crate) fn quoted(text: &str) -> String {
     let mut characters = text.chars();
     let mut start: String = characters.by_ref().take(MAX_QUOTED).collect();
@@ -19,11 +21,11 @@ pub(crate) fn quoted(text: &str) -> String {
     printable(&start)
 }
 
-/// Returns a message as [`printable`] does, with all that it has in backticks cut as by [`quoted`].
+/// Returns a message like [`printable`], with each part in backticks cut as by [`quoted`].
 pub(crate) fn printable_message(message: &str) -> String {
     let mut parts: Vec<String> = message.split('`').map(printable).collect();
     let n = parts.len();
-    // Between an opening backtick and its end, which must be there.
+    // The parts between an opening backtick and its end, which must exist.
     for part in parts.iter_mut().take(n.saturating_sub(1)).skip(1).step_by(2) {
         *part = quoted(part);
     }
@@ -34,7 +36,7 @@ fn is_shown(c: char) -> bool {
     !c.is_control() && !matches!(c, '\u{2028}' | '\u{2029}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
-/// Returns a number with the noun that it counts, which gets an s, or es after an s, unless there is one of it.
+/// Returns a number with the noun that it counts, in the plural (s, or es after s and ch) unless the number is 1.
 pub(crate) fn counted(n: usize, noun: &str) -> String {
     let ending = match (n, noun.ends_with('s') || noun.ends_with("ch")) {
         (1, _) => "",
@@ -44,7 +46,7 @@ pub(crate) fn counted(n: usize, noun: &str) -> String {
     format!("{n} {noun}{ending}")
 }
 
-/// Returns a positive number with all its digits, in powers of ten where it would be mostly zeros.
+/// Returns a positive number with all its digits, in powers of ten if it would be mostly zeros.
 pub(crate) fn short(value: f64) -> String {
     if (1e-4..1e6).contains(&value) {
         format!("{value}")

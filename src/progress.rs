@@ -1,4 +1,6 @@
-//! How long work tells its caller how far it is, hears from it that it is to stop, keeps what is done, and shares work with other ranks: the library itself never prints.
+//! The interface between long work and its caller: progress, interruption, checkpoints, and ranks that share the work.
+//!
+//! The library itself never prints.
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -9,15 +11,17 @@ use crate::ranks::{Alone, Ranks};
 
 /// Receives the progress of one stage after another; called from many threads.
 pub trait Progress: Sync {
-    /// A stage of `total` steps begins, 0 where their number is not known; it ends when the next one begins or all work is done.
+    /// Begins a stage of `total` steps, 0 if their number is unknown; it ends when the next one begins or all work is done.
     fn begin(&self, stage: &str, total: u64);
-    /// `steps` more steps of the current stage are done.
+    /// Advances the current stage by `steps`.
     fn advance(&self, steps: u64);
 
-    /// Hears what the current stage is expected to take, once that is known.
+    /// Receives the expected time of the current stage, once it is known.
     fn forecast(&self, _forecast: &Forecast) {}
 
-    /// Returns when work is to be over. What is not done by then gets bounds in place of values, and says so in its errors.
+    /// Returns the deadline of the work, if there is one.
+    ///
+    /// Values that are not computed by then are replaced by bounds, which their errors include.
     fn deadline(&self) -> Option<Instant> {
         None
     }
@@ -27,17 +31,17 @@ pub trait Progress: Sync {
         self.deadline().is_some_and(|deadline| Instant::now() >= deadline)
     }
 
-    /// Returns whether work is to end at the next safe point. Once true it stays so.
+    /// Returns whether work is to end at the next safe point; once true, it stays true.
     ///
-    /// Work that can fail then fails as interrupted; what other work returns is not complete.
+    /// Work that can fail then fails as interrupted; the results of other work are incomplete.
     fn is_cancelled(&self) -> bool {
         false
     }
 
-    /// Hears where finished work is kept from now on.
+    /// Receives the file that stores finished work from now on.
     fn opened(&self, _checkpoint: &Path) {}
 
-    /// Returns where finished pieces of form factors and of gathered light are kept, so that a later run need not compute them again.
+    /// Returns the checkpoint for finished form factors and gathered light, which a later run need not compute again.
     fn checkpoint(&self) -> Option<&Checkpoint> {
         None
     }
@@ -48,31 +52,31 @@ pub trait Progress: Sync {
     }
 }
 
-/// The wall time that form factors are expected to take.
+/// The expected wall time of form factors.
 ///
-/// It is the mean of the time that some rows took, times their number over the threads: dear pairs that are rare may be missing from it, and other work on the machine is in it.
+/// It is the mean time of some rows times their number over the threads. Rare expensive pairs may be missing from it, and it includes the effect of other work on the machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Forecast {
-    /// The tolerance asked for, and the time in s.
+    /// The requested tolerance, and the time in s.
     pub asked: (f64, f64),
-    /// Greater tolerances with their times in s; none where nobody is going to look at them.
+    /// Greater tolerances with their times in s; empty if they are not needed.
     pub looser: Vec<(f64, f64)>,
-    /// The rays for each patch, and the time in s, of [`RandomShooting`](crate::form_factor::RandomShooting) in place of the method; with the others only.
+    /// The rays for each patch, and the time in s, of [`RandomShooting`](crate::form_factor::RandomShooting) in place of the method; only together with the others.
     pub shooting: Option<(u64, f64)>,
 }
 
 impl Forecast {
-    /// Work that takes longer than this, in s, deserves a choice.
+    /// The time, in s, above which work causes a warning with alternatives.
     pub const LONG: f64 = 600.0;
 
-    /// Returns the standard error that an entry has at most with so many rays for each patch, 1 / (2 sqrt(N)).
+    /// Returns the greatest standard error of an entry with `rays` rays for each patch, 1 / (2 sqrt(N)).
     #[must_use]
     pub fn error_of_rays(rays: u64) -> f64 {
         0.5 / (rays as f64).sqrt()
     }
 }
 
-/// Steps of a stage that are told in portions, as parts of the work behind them are done.
+/// The steps of a stage, reported in portions as parts of the underlying work are done.
 pub(crate) struct Portions<'a> {
     progress: &'a dyn Progress,
     steps: u64,
@@ -81,7 +85,7 @@ pub(crate) struct Portions<'a> {
 }
 
 impl<'a> Portions<'a> {
-    /// Begins work of `n_parts` parts that stand for `steps` together; without a part all steps are done.
+    /// Begins work of `n_parts` parts that together make `steps`; without parts all steps are done.
     pub(crate) fn new(progress: &'a dyn Progress, steps: u64, n_parts: usize) -> Self {
         if n_parts == 0 {
             progress.advance(steps);
@@ -94,7 +98,7 @@ impl<'a> Portions<'a> {
         }
     }
 
-    /// One more part is done.
+    /// Reports one more finished part.
     pub(crate) fn part_done(&self) {
         let n_before = self.n_done.fetch_add(1, Ordering::Relaxed);
         let until = |n: u64| u128::from(self.steps) * u128::from(n) / u128::from(self.n_parts);
@@ -103,7 +107,7 @@ impl<'a> Portions<'a> {
     }
 }
 
-/// Ignores all progress.
+/// An observer that ignores all progress.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Silent;
 

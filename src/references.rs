@@ -1,4 +1,4 @@
-//! The sources that formulas cite: one documented constant each, so that a citation is a link and a broken one fails the docs build.
+//! The sources that formulas cite, one documented constant each: a citation is a link, and a broken one fails the docs build.
 
 /// R. R. Lewis, "Solving the Classic Radiosity Equation Using Multigrid Techniques", University of British Columbia, 4 February 1992.
 ///

@@ -1,7 +1,7 @@
 //! Settings that form-factor methods and solvers declare: names, values, defaults.
 //!
-//! A method or solver lists the settings that it uses beside its name; flags of the command line, their help, the record of a result and the refusal of what
-//! has no use follow from these lists.
+//! A method or solver lists its settings beside its name. The flags of the command line, their help, the settings in results and the refusal of unused
+//! settings follow from these lists.
 
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
@@ -15,7 +15,7 @@ pub struct Setting {
     pub name: &'static str,
     /// Its help, in a few words.
     pub help: &'static str,
-    /// The letter that stands for its value in help.
+    /// The placeholder of its value in help.
     pub letter: &'static str,
     /// Its values.
     pub kind: Kind,
@@ -24,11 +24,11 @@ pub struct Setting {
 /// The values that a setting has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// On or off; off where it is not given.
+    /// On or off; off by default.
     Flag,
     /// Whole numbers from 1 to this one.
     Count(u64),
-    /// Finite numbers; the method or solver says which.
+    /// Finite numbers, within the range of the method or solver.
     Number,
     /// One of these words, each with its meaning.
     Choice(&'static [(&'static str, &'static str)]),
@@ -53,7 +53,7 @@ pub enum Value {
 pub struct Use {
     /// The setting.
     pub setting: &'static Setting,
-    /// Its value where none is given; `None` if the method or solver then finds one itself.
+    /// The default; `None` if the method or solver chooses a value.
     pub default: Option<Value>,
 }
 
@@ -83,7 +83,7 @@ impl Setting {
     /// Reads a value.
     ///
     /// # Errors
-    /// The values that there are, as advice.
+    /// The possible values, as advice.
     pub fn parse(&self, text: &str) -> Result<Value, String> {
         match self.kind {
             Kind::Flag => text
@@ -110,7 +110,7 @@ impl Setting {
         }
     }
 
-    /// Returns whether a value is one of the setting's.
+    /// Returns whether the setting can have a value.
     fn has(&self, value: Value) -> bool {
         match (self.kind, value) {
             (Kind::Flag, Value::Flag(_)) | (Kind::Number, Value::Number(_)) => true,
@@ -120,7 +120,7 @@ impl Setting {
         }
     }
 
-    /// Returns the help of a flag: what it sets, and the defaults of those that use it, each given by its name with its use.
+    /// Returns the help of a flag: its meaning, and the defaults of its users, each a name with its use.
     #[must_use]
     pub fn described(&self, users: &[(&str, Use)]) -> String {
         let mut groups: Vec<(Option<Value>, Vec<&str>)> = Vec::new();
@@ -139,7 +139,7 @@ impl Setting {
     }
 }
 
-/// Returns the settings of some lists, each once and in order, with the names and uses of the lists that have it.
+/// Returns the settings of some lists, each once and in order, with the names and uses of the lists that contain it.
 #[must_use]
 pub fn gathered<'a>(
     lists: impl IntoIterator<Item = (&'a str, &'static [Use])>,
@@ -159,12 +159,12 @@ pub fn gathered<'a>(
     settings
 }
 
-/// Returns names in backticks, with commas between them.
+/// Returns names in backticks, separated by commas.
 pub(crate) fn ticked<'a>(names: impl Iterator<Item = &'a str>) -> String {
     names.map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
 }
 
-/// Returns `a, b and c`.
+/// Returns names in the form `a, b and c`.
 fn listed(names: &[&str]) -> String {
     match names {
         [] => String::new(),
@@ -183,7 +183,7 @@ impl Value {
         }
     }
 
-    /// Returns a whole number above 0 that counts things in memory.
+    /// Returns a whole number above 0 as a count of things in memory.
     #[must_use]
     pub fn size(self) -> Option<NonZeroUsize> {
         usize::try_from(self.count()?).ok().and_then(NonZeroUsize::new)
@@ -250,20 +250,20 @@ impl From<&'static str> for Value {
 }
 
 impl Values {
-    /// Returns these and one more value, which replaces that of before.
+    /// Returns the values with another one, which replaces an earlier value of the setting.
     ///
     /// # Panics
-    /// If it is no value of the setting.
+    /// If the setting cannot have the value.
     #[must_use]
     pub fn with(mut self, setting: &'static Setting, value: impl Into<Value>) -> Self {
         self.set(setting, value);
         self
     }
 
-    /// Sets a value, which replaces that of before.
+    /// Sets a value, which replaces an earlier value of the setting.
     ///
     /// # Panics
-    /// If it is no value of the setting.
+    /// If the setting cannot have the value.
     pub fn set(&mut self, setting: &'static Setting, value: impl Into<Value>) {
         let value = value.into();
         assert!(
@@ -274,12 +274,12 @@ impl Values {
         self.0.insert(setting.name, (setting, value));
     }
 
-    /// Takes the value of a setting away.
+    /// Removes the value of a setting.
     pub fn remove(&mut self, setting: &Setting) {
         self.0.remove(setting.name);
     }
 
-    /// Sets all values of others.
+    /// Adds all values of `others`, which replace earlier ones.
     pub fn extend(&mut self, others: &Self) {
         self.0
             .extend(others.iter().map(|(setting, value)| (setting.name, (setting, value))));
@@ -302,7 +302,7 @@ impl Values {
         self.0.values().copied()
     }
 
-    /// Returns the first setting that is given and not among those in use; a flag that is off is not given.
+    /// Returns the first given setting that is not in use; a flag that is off counts as not given.
     #[must_use]
     pub fn unused(&self, uses: &[Use]) -> Option<&'static Setting> {
         let in_use = |setting: &Setting| uses.iter().any(|used| used.setting.name == setting.name);
@@ -311,7 +311,7 @@ impl Values {
             .map(|(setting, _)| setting)
     }
 
-    /// Returns the values of the settings in use: those given, else the defaults.
+    /// Returns the values of the settings in use: the given ones, else the defaults.
     #[must_use]
     pub fn resolved(&self, uses: &[Use]) -> Self {
         let own = |used: &Use| self.get(used.setting).or(used.default);

@@ -1,31 +1,35 @@
-//! When a further thread pays: below a size nothing but the calling thread runs.
+//! Decides when further threads are worth waking: small work runs on the calling thread alone.
 
 use rayon::prelude::*;
 
-/// Multiplications for which another thread is worth waking.
+/// The number of multiplications for which another thread is worth waking.
 ///
-/// They take some 10 to 40 µs; a thread that sleeps takes about as long to begin, and may find its core busy.
+/// They take some 10 to 40 µs; a sleeping thread takes about as long to begin, and may find its core busy.
 pub(crate) const TERMS_PER_THREAD: usize = 1 << 17;
 
-/// Returns whether so many multiplications are worth more than one thread. It depends on the problem alone, never on the machine.
+/// Returns whether `n_terms` multiplications are worth more than one thread, which depends on the problem alone, not on the machine.
 pub(crate) fn pay(n_terms: usize) -> bool {
     n_terms >= 2 * TERMS_PER_THREAD
 }
 
-/// Bytes of a matrix from which another thread is worth waking for a pass: smaller ones stay in the cache of one core, from which it takes them in a hundred microseconds or less.
+/// The bytes of a matrix from which another thread is worth waking for a pass.
+///
+/// Smaller matrices stay in the cache of one core, which reads them in a hundred microseconds or less.
 ///
 /// Between passes of a solver the other threads sleep; waking them takes tens of microseconds. Times: `docs/performance.md`.
 const CACHED_BYTE: usize = 2 << 20;
 
-/// Multiplications for which another thread is worth waking whatever the size of the matrix.
+/// The number of multiplications for which another thread is worth waking, for any size of the matrix.
 const PASS_TERMS: usize = 1 << 21;
 
-/// Returns whether a pass over a matrix of so many bytes, with so many multiplications, is worth more than one thread. It depends on the problem alone, never on the machine.
+/// Returns whether a pass over a matrix of `n_byte` bytes, with `n_terms` multiplications, is worth more than one thread.
+///
+/// It depends on the problem alone, not on the machine.
 pub(crate) fn pay_for_pass(n_terms: usize, n_byte: usize) -> bool {
     n_byte >= CACHED_BYTE || n_terms >= PASS_TERMS
 }
 
-/// Calls `work` for every task: in order on this thread where others do not `pay`.
+/// Calls `work` for every task; in order on this thread unless `pay` is true.
 pub(crate) fn for_each<T: Send>(pay: bool, tasks: Vec<T>, work: impl Fn(T) + Sync + Send) {
     if pay {
         tasks.into_par_iter().for_each(work);
@@ -34,7 +38,7 @@ pub(crate) fn for_each<T: Send>(pay: bool, tasks: Vec<T>, work: impl Fn(T) + Syn
     }
 }
 
-/// Calls `work` for every chunk of so many items, with its number: in order on this thread where others do not `pay`.
+/// Calls `work` for every chunk of items, with its number; in order on this thread unless `pay` is true.
 pub(crate) fn for_each_chunk<T: Send>(
     pay: bool,
     items: &mut [T],
@@ -50,7 +54,7 @@ pub(crate) fn for_each_chunk<T: Send>(
     }
 }
 
-/// Returns what `work` makes of 0 to `n` − 1: on this thread where others do not `pay`.
+/// Returns the results of `work` for 0 to `n` − 1; computed on this thread unless `pay` is true.
 pub(crate) fn map<R: Send>(pay: bool, n: usize, work: impl Fn(usize) -> R + Sync + Send) -> Vec<R> {
     if pay {
         (0..n).into_par_iter().map(work).collect()
@@ -66,7 +70,7 @@ mod tests {
     use std::sync::Mutex;
     use std::thread::ThreadId;
 
-    /// Returns the threads that tasks ran on.
+    /// Returns the threads on which tasks ran.
     fn runners(pay: bool) -> HashSet<ThreadId> {
         let seen = Mutex::new(HashSet::new());
         let note = || {
@@ -84,7 +88,7 @@ mod tests {
         let own = HashSet::from([std::thread::current().id()]);
         assert_eq!(runners(pay(2 * TERMS_PER_THREAD - 1)), own);
         assert_eq!(runners(pay_for_pass(PASS_TERMS - 1, CACHED_BYTE - 1)), own);
-        // What is handed to the pool runs there, since this thread is no part of it.
+        // Work that is passed to the pool runs there, since this thread is no part of it.
         assert!(runners(pay(2 * TERMS_PER_THREAD)).is_disjoint(&own));
         assert!(pay_for_pass(PASS_TERMS, 0) && pay_for_pass(0, CACHED_BYTE));
     }

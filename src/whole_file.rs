@@ -1,4 +1,4 @@
-//! Files are written whole or not at all.
+//! Writes files atomically.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -8,10 +8,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use tempfile::TempPath;
 
-/// Writes a file under a temporary name in its own directory, and gives it its name once all of it is on the disk.
+/// Writes a file under a temporary name in its own directory, and renames it once all of it is on the disk.
 ///
-/// `content` writes the bytes; it may seek. Until the end an existing file stays as it is, and if anything fails, the temporary
-/// file is removed. A symbolic link stays, and the file that it points to is replaced. The permissions are those of any new
+/// `content` writes the bytes; it may seek. An existing file stays as it is until then, and on any failure the temporary
+/// file is removed. A symbolic link stays, and the file to which it points is replaced. The permissions are those of any new
 /// file, within the umask.
 ///
 /// # Errors
@@ -23,7 +23,7 @@ pub(crate) fn write(path: &Path, content: impl FnOnce(&mut BufWriter<&mut File>)
 /// True if another rank writes all files.
 static LEFT: AtomicBool = AtomicBool::new(false);
 
-/// Writes no file from now on: the first rank writes those of all.
+/// Makes this process write no more files: the first rank writes those of all.
 #[cfg(feature = "cli")]
 pub(crate) fn leave_to_first_rank() {
     LEFT.store(true, Ordering::Relaxed);
@@ -40,16 +40,16 @@ fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
     UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes all temporary files, before the process ends without dropping what it has.
+/// Removes all temporary files, for an end of the process without destructors.
 #[cfg(feature = "cli")]
 pub(crate) fn abandon() {
     for path in unfinished().drain(..) {
-        // A file that has just got its name is no longer there.
+        // A file that has just been renamed no longer has this name.
         let _ = std::fs::remove_file(path);
     }
 }
 
-/// A temporary file that is on the list while this is.
+/// A temporary file that is listed until this is dropped.
 struct Listed(PathBuf);
 
 impl Listed {
@@ -65,15 +65,15 @@ impl Drop for Listed {
     }
 }
 
-/// A file that is all on the disk, under a temporary name in its directory; it vanishes unless it is [`put`](Self::put).
+/// A complete file on the disk, under a temporary name in its directory; it is removed unless it is [`put`](Self::put).
 pub(crate) struct Prepared {
-    /// None where the first rank writes it.
+    /// The file; `None` if the first rank writes it.
     written: Option<(TempPath, Listed)>,
     target: PathBuf,
 }
 
 impl Prepared {
-    /// Gives the file its name.
+    /// Renames the file to its target.
     pub(crate) fn put(self) -> io::Result<()> {
         let Some((temporary, _listed)) = self.written else {
             return Ok(());
@@ -85,16 +85,16 @@ impl Prepared {
     }
 }
 
-/// Waits until no other process puts files that belong together into this directory, and keeps others from it until what is returned is dropped.
+/// Waits for the lock under which processes put files that belong together into this directory; it is held until the result is dropped.
 ///
-/// Nothing is returned, and nobody waits, where the file system has no locks.
+/// Returns `None` without waiting if the file system has no locks.
 pub(crate) fn turn(directory: &Path) -> Option<File> {
     let opened = File::open(directory).ok()?;
     opened.lock().ok()?;
     Some(opened)
 }
 
-/// Writes a file as [`write`] does, but for its name, which [`Prepared::put`] gives it: files that belong together appear together, or none of them does.
+/// Writes a file as [`write`] does, without its final name, which [`Prepared::put`] gives: files that belong together appear together, or none does.
 ///
 /// # Errors
 /// As [`write`].
@@ -129,28 +129,28 @@ fn fill(file: &mut File, content: impl FnOnce(&mut BufWriter<&mut File>) -> io::
     content(&mut writer)?;
     writer.flush()?;
     drop(writer);
-    // Without this a crash soon after the rename can leave an empty file under the new name.
+    // Without this, a crash soon after the rename may leave an empty file under the new name.
     file.sync_all()
 }
 
-/// Returns what makes temporary files.
+/// Returns the builder of temporary files.
 fn builder() -> tempfile::Builder<'static, 'static> {
     let mut builder = tempfile::Builder::new();
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt as _;
-        // A temporary file is private by default; the umask takes away what the user does not want.
+        // A temporary file is private by default; the umask removes the permissions that the user does not want.
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
     builder.prefix(".radiosity-");
     builder
 }
 
-/// Where the files that a process has open are found by their numbers.
+/// The directory of the files that a process has open, by their numbers.
 #[cfg(target_os = "linux")]
 const OPEN_FILES: &str = "/proc/self/fd";
 
-/// Makes a file that has no name yet: of a process that is killed, nothing is left. `None` where the file system has no such files.
+/// Makes a file without a name, of which nothing remains if the process is killed; `None` if the file system has no such files.
 #[cfg(target_os = "linux")]
 fn unnamed_file(directory: &Path) -> Option<File> {
     use rustix::fs::{Mode, OFlags, open};
@@ -164,7 +164,7 @@ fn unnamed_file(_directory: &Path) -> Option<File> {
     None
 }
 
-/// Gives a file that has none a temporary name.
+/// Gives an unnamed file a temporary name.
 #[cfg(target_os = "linux")]
 fn named(file: &File, directory: &Path) -> io::Result<(TempPath, Listed)> {
     use std::os::fd::AsRawFd as _;
@@ -183,7 +183,7 @@ fn named(_file: &File, _directory: &Path) -> io::Result<(TempPath, Listed)> {
     Err(io::ErrorKind::Unsupported.into())
 }
 
-/// Returns whether `path` can name a file to write, and returns the place that it stands for: a link is followed.
+/// Returns the file that `path` names for writing, with links resolved.
 ///
 /// # Errors
 /// The directory does not exist, or `path` names something that is not a regular file.
@@ -193,7 +193,7 @@ pub(crate) fn expect_possible(path: &Path) -> io::Result<PathBuf> {
     }
     let target = match path.canonicalize() {
         Ok(target) => target,
-        // New, or a link to nothing, which the new file replaces.
+        // The path is new, or a link to nothing, which the new file replaces.
         Err(error) if error.kind() == io::ErrorKind::NotFound => path.to_owned(),
         Err(error) => return Err(error),
     };
@@ -286,7 +286,7 @@ mod tests {
         assert!(link.is_symlink());
         assert_eq!(std::fs::read_to_string(&real).unwrap(), "new");
 
-        // The permissions are those of a file that is made the ordinary way.
+        // The permissions equal those of an ordinary file.
         let ordinary = directory.path().join("ordinary");
         std::fs::write(&ordinary, "").unwrap();
         let mode = |path: &Path| path.metadata().unwrap().permissions().mode();

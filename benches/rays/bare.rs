@@ -40,7 +40,7 @@ unsafe impl Sync for BareScene {}
 impl BareScene {
     pub(crate) fn new(vertices: &[[f32; 3]], triangles: &[[u32; 3]]) -> Self {
         assert!(triangles.as_flattened().iter().all(|&v| (v as usize) < vertices.len()));
-        // SAFETY: the arrays are as long as said, and every corner exists.
+        // SAFETY: the arrays have the stated lengths, and every corner exists.
         let handle = unsafe {
             bare_scene_new(
                 vertices.as_flattened().as_ptr(),

@@ -1,7 +1,7 @@
-//! How fast rays are traced and their hits counted by face, beside a bare C loop and embree4-rs on the same rays.
+//! Measures how fast rays are traced and their hits counted by face, beside a bare C loop and embree4-rs on the same rays.
 //!
-//! `cargo bench --bench rays` prints criterion's figures, and then a table of rates and ratios that were measured by
-//! turns, so that a machine that changes its pace changes all of a row.
+//! `cargo bench --bench rays` prints criterion's figures, and then a table of rates and ratios that were measured in
+//! turns, so that changes of the machine's speed affect all of a row.
 #![expect(clippy::print_stdout, reason = "a table of rates is what a benchmark is for")]
 
 mod bare;
@@ -43,7 +43,7 @@ struct Rays {
     single: Vec<Vec<RTCRay>>,
 }
 
-/// Who traces.
+/// The programs that are compared.
 #[derive(Clone, Copy)]
 enum Contender {
     Radiosity,
@@ -85,7 +85,7 @@ impl Contenders {
         }
     }
 
-    /// Random rays from below the sphere.
+    /// Returns random rays from below the sphere.
     fn incoherent(&self) -> Rays {
         let mut random = Random::new(1);
         self.rays("incoherent", Coherence::Incoherent, || {
@@ -94,7 +94,7 @@ impl Contenders {
         })
     }
 
-    /// Bundles of 16 rays from a point below the sphere to points of a small square.
+    /// Returns packets of 16 rays from a point below the sphere to points of a small square.
     fn coherent(&self) -> Rays {
         let mut random = Random::new(2);
         self.rays("bundles of 16", Coherence::Coherent, || {
@@ -217,7 +217,7 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// Prints the table: medians over rounds in which all three trace by turns.
+/// Prints the table: medians over rounds in which all three trace in turns.
 fn summarise(contenders: &Contenders, all_rays: &[Rays]) {
     const ROUNDS: usize = 31;
     println!("| rays, threads | radiosity | bare C loop | embree4-rs | radiosity / bare | radiosity / embree4-rs |");
@@ -262,7 +262,7 @@ fn main() {
     let mut criterion = Criterion::default().configure_from_args();
     benchmark(&mut criterion, &contenders, &all_rays);
     criterion.final_summary();
-    // Only where rates are asked for: not with --list or --test.
+    // The table is printed only with --bench: not with --list or --test.
     if std::env::args().any(|argument| argument == "--bench") {
         summarise(&contenders, &all_rays);
     }

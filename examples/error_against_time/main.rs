@@ -1,11 +1,11 @@
-//! Prints what `exact` takes on meshes, and how far off it is, as a table.
+//! Prints a table of the time and the error of `exact` on several meshes.
 //!
 //! `cargo run --release --example error_against_time` makes the table of `docs/performance.md` with meshes of its own;
-//! `cargo run --release --example error_against_time -- 1e-2,1e-3 1e-5 SCENE ...` takes these tolerances and a reference at 1e-5 on other scenes: files, or meshes such as `city:8`.
+//! `cargo run --release --example error_against_time -- 1e-2,1e-3 1e-5 SCENE ...` uses these tolerances and a reference at 1e-5 on other scenes: files, or meshes such as `city:8`.
 //!
-//! Columns: the processor time of one thread; the largest error of A_i F_ij / min(A_i, A_j), and that of the sum of a row; stated over true error of partly visible pairs; pairs by way.
+//! Columns: the processor time of one thread; the largest error of A_i F_ij / min(A_i, A_j), and that of the sum of a row; stated over true error of partially visible pairs; pairs by treatment.
 //! The stated error is that of the result and of the reference together; true and stated errors below a hundredth of the tolerance count as that.
-//! `first` tells when a mesh has its first factor.
+//! `first` is the time until the first factor of a mesh.
 
 #![expect(clippy::print_stdout, reason = "a program that prints")]
 
@@ -22,7 +22,7 @@ use radiosity::progress::{Progress, Silent};
 use radiosity::scene::{self, Scene, topology};
 use radiosity::visibility::brute_force::BruteForce;
 
-/// What a true or stated error counts as at least, as a part of the tolerance.
+/// The least value of a true or stated error, as a part of the tolerance.
 const LEAST: f64 = 0.01;
 
 /// Scenes, tolerances, and the tolerance of the reference.
@@ -42,7 +42,7 @@ const TABLE: &[(&str, &[f64], f64)] = &[
     ("city:12", &[1e-3], 1e-4),
 ];
 
-/// Meshes of 100,352 and 1,000,000 triangles, of which only the first factor is waited for.
+/// Meshes of 100,352 and 1,000,000 triangles, of which only the first factor is computed.
 const LARGE: [&str; 2] = ["height:224", "height:707"];
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -96,7 +96,7 @@ fn print_scene(name: &str, tolerances: &[f64], reference: f64, all: &mut Vec<f64
     Ok(())
 }
 
-/// Returns the least of some numbers in order, and what 1 in 1,000, 1 in 2 and 9 in 10 are below.
+/// Returns the least of some numbers in order, and the quantiles 1/1,000, 1/2 and 9/10.
 fn quantiles(ordered: &[f64]) -> String {
     let last = ordered.len().saturating_sub(1);
     let [least, thousandth, half, nine_tenths] =
@@ -104,12 +104,12 @@ fn quantiles(ordered: &[f64]) -> String {
     format!("{least:.2} | {thousandth:.2} | {half:.1} | {nine_tenths:.1}")
 }
 
-/// Prints the time until the first rows of form factors are there.
+/// Prints the time until the first rows of form factors are finished.
 fn print_first(name: &str) -> Result<(), Box<dyn Error>> {
     let scene = load(name)?;
     let mesh = Mesh::new(&scene, Subdivision::Uniform(1))?;
     let first = First(OnceLock::new());
-    // Ends as interrupted.
+    // The work ends as interrupted.
     let _ = compute(&scene, &mesh, 1e-4, &first);
     let seconds = first.0.get().copied().unwrap_or(f64::NAN);
     println!("| {name} | {} | 1e-4 | first: {seconds:.2} |", mesh.n_patches());
@@ -149,7 +149,7 @@ fn compute(
     })?)
 }
 
-/// Returns the time that this thread has had a processor, in s, or that of the clock where the system does not tell.
+/// Returns the processor time of this thread, in s, or the wall time if the system does not provide it.
 fn processor_time() -> f64 {
     static CLOCK: OnceLock<Instant> = OnceLock::new();
     let clock = CLOCK.get_or_init(Instant::now);
@@ -158,7 +158,7 @@ fn processor_time() -> f64 {
     nanoseconds.map_or_else(|| clock.elapsed().as_secs_f64(), |ns| 1e-9 * ns)
 }
 
-/// Ends work at its first step, and keeps the processor time of its thread.
+/// Ends work at its first step, and stores the processor time of its thread.
 struct First(OnceLock<f64>);
 
 impl Progress for First {
@@ -175,13 +175,13 @@ impl Progress for First {
     }
 }
 
-/// One result against a better one.
+/// The comparison of a result with a better one.
 struct Against {
     /// The largest error of A_i F_ij / min(A_i, A_j).
     of_entry: f64,
     /// The largest error of Σ_j F_ij.
     of_row: f64,
-    /// Stated over true errors, in order.
+    /// The ratios of stated to true errors, in order.
     ratios: Vec<f64>,
 }
 
@@ -202,7 +202,7 @@ impl Against {
                 against.of_entry = against.of_entry.max(off.abs());
                 off_row += row[j][0] - better[j][0];
                 let stated = (row[j][1] + better[j][1]) * unit;
-                // Pairs that see each other whole are known far better.
+                // The errors of fully visible pairs are far smaller.
                 if j > i && stated > 1e-3 * tolerance {
                     let least = LEAST * tolerance;
                     against.ratios.push(stated.max(least) / off.abs().max(least));

@@ -1,4 +1,4 @@
-//! Meshes of the kinds that other programs write, made by rule: curved, cluttered, cut into patches before.
+//! Generates meshes of the kinds that other programs write: curved, cluttered, or already cut into patches.
 
 use std::collections::HashMap;
 use std::f64::consts::{PI, TAU};
@@ -6,7 +6,7 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 use radiosity::scene::{Loaded, Material, MaterialId, SceneBuilder, SceneError, SurfaceId};
 
-/// Returns the mesh of a name such as `city:8`, or nothing if no kind has that name.
+/// Returns the mesh of a name such as `city:8`, or `None` for an unknown kind.
 ///
 /// - `cube:N`: the cube, each face N x N squares;
 /// - `room:N`: `room-box`, each face cut into some N x N;
@@ -65,7 +65,7 @@ impl Faces {
         builder.build()
     }
 
-    /// Adds a face; corners that repeat the one before, as at a pole, are left out.
+    /// Adds a face, without corners that repeat the previous one, as at a pole.
     fn face(&mut self, corners: &[DVec3]) {
         let mut face: Vec<u32> = corners.iter().map(|corner| self.vertex(*corner)).collect();
         face.dedup();
@@ -77,7 +77,7 @@ impl Faces {
 
     #[expect(clippy::cast_possible_truncation, reason = "no mesh here has so many vertices")]
     fn vertex(&mut self, at: DVec3) -> u32 {
-        // Cells of 1e-11 m, in which the same corner lies however it was reached.
+        // Cells of 1e-11 m identify a corner, independent of its computation.
         let at = at.to_array().map(|x| (x * 1e11).round() / 1e11 + 0.0);
         *self.known.entry(at.map(f64::to_bits)).or_insert_with(|| {
             self.vertices.push(at);

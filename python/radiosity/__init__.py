@@ -12,8 +12,8 @@ same), a `Solution` (radiosities), an `Image`, `Heat` (temperatures and net flux
 >>> round(float(ff.surface[0, 1]), 6)
 0.199825
 
-A row of a matrix of form factors is from i to j: F[i, j] is the fraction of what leaves i that reaches
-j, so that each row sums to 1 in a closed scene.
+A row of a matrix of form factors is from i to j: F[i, j] is the fraction of the light leaving i that reaches
+j, so each row sums to 1 in a closed scene.
 
 Warnings are `RadiosityWarning`s of the module `warnings`, errors are subclasses of `RadiosityError`.
 Long calls release the interpreter's lock, end with Ctrl-C, and show a bar in a terminal or notebook.

@@ -1,4 +1,4 @@
-"""Arguments as arrays of the shapes that the library wants; messages name the argument."""
+"""Converts arguments to arrays of the shapes that the library requires; messages name the argument."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def points(name: str, values: ArrayLike) -> Floats:
 
 
 def faces(values: Any, n_vertices: int) -> tuple[NDArray[np.uint32], NDArray[np.uint64]]:
-    """Returns the corners of all faces one after another, and where those of each end."""
+    """Returns the corners of all faces one after another, and the end of those of each."""
     if isinstance(values, np.ndarray) and values.dtype != object:
         if values.ndim != 2 or values.shape[1] < 3:
             raise ArgumentError(f"faces: shape {values.shape}, expected (m, 3), (m, 4) or a list of lists")
@@ -74,7 +74,7 @@ def faces(values: Any, n_vertices: int) -> tuple[NDArray[np.uint32], NDArray[np.
 
 
 def surfaces(values: Optional[Sequence[Any]], n_faces: int) -> tuple[list[str], NDArray[np.uint32]]:
-    """Returns the names of surfaces, in the order in which they appear, and that of each face; none where None is given."""
+    """Returns the names of surfaces, in the order in which they appear, and that of each face; none for None."""
     if values is None:
         return [], np.zeros(0, dtype=np.uint32)
     array = np.asarray(values)
@@ -106,7 +106,7 @@ def of_faces(name: str, values: Values, names: Sequence[str], surface: NDArray[n
 def by_surface(
     name: str, values: Mapping[str, ArrayLike], names: Sequence[str], surface: NDArray[np.uint32]
 ) -> Floats:
-    """Returns three channels of each face from a mapping; `"*"` stands for surfaces that are not named."""
+    """Returns three channels of each face from a mapping; `"*"` stands for all other surfaces."""
     if not names:
         raise ArgumentError(f"{name}: a dict needs `surfaces`, the names of the faces' surfaces")
     unknown = [key for key in values if key not in names and key != "*"]
@@ -151,7 +151,7 @@ def vector(name: str, values: Optional[Sequence[float]]) -> Optional[list[float]
 
 
 def instance(name: str, value: T, kind: type[T]) -> T:
-    """Returns a value that is of a class."""
+    """Returns a value that is an instance of a class."""
     if not isinstance(value, kind):
         raise ArgumentError(f"{name}: {type(value).__name__}, expected {kind.__name__}")
     return value
@@ -195,12 +195,12 @@ def path(name: str, value: Any) -> str:
 
 
 def optional_path(name: str, value: Any) -> Optional[str]:
-    """Returns the name of a file, where there is one."""
+    """Returns the name of a file, or None."""
     return None if value is None else path(name, value)
 
 
 def turned(flip: Union[bool, str, Sequence[str]]) -> Union[bool, list[str]]:
-    """Returns which surfaces are reversed: all, none, or some by their names."""
+    """Returns the surfaces that are reversed: all, none, or some by their names."""
     if isinstance(flip, (bool, np.bool_)):
         return bool(flip)
     if isinstance(flip, str):
@@ -211,7 +211,7 @@ def turned(flip: Union[bool, str, Sequence[str]]) -> Union[bool, list[str]]:
 
 
 def toml(name: str, value: Any) -> str:
-    """Returns a value as TOML has it: text, paths, truth, numbers, and lists and tables of these."""
+    """Returns a value in TOML: text, paths, truth values, numbers, and lists and tables of these."""
     if isinstance(value, (bool, np.bool_)):
         return "true" if value else "false"
     if isinstance(value, (str, os.PathLike)):

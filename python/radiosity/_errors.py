@@ -8,7 +8,7 @@ class RadiosityError(Exception):
 
 
 class ArgumentError(RadiosityError, ValueError):
-    """An argument has a wrong shape or value, or does not go together with another; the message names it."""
+    """An argument has a wrong shape or value, or does not fit another one; the message names it."""
 
 
 class SceneError(RadiosityError):
@@ -36,8 +36,8 @@ class FileError(RadiosityError):
 
 
 class MemoryLimitError(RadiosityError, MemoryError):
-    """The work takes more memory than there is to be."""
+    """The work exceeds the memory limit."""
 
 
 class RadiosityWarning(UserWarning):
-    """A doubt about a result: it stands, but perhaps it is not what was meant, or less exact than asked for."""
+    """A warning about a result: it is valid, but perhaps not as intended, or less accurate than requested."""

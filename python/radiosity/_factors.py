@@ -1,4 +1,4 @@
-"""Form factors with all that is known of them."""
+"""Form factors with their errors and checks."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ DENSE_FROM = 1.0 / 3.0
 class FormFactors(Result[_core.FormFactors]):
     """Form factors (view factors) between the n patches of a model, with the error of each.
 
-    A row is from i to j: F[i, j] is the fraction of what leaves patch i that reaches patch j. In a closed
+    A row is from i to j: F[i, j] is the fraction of the light leaving patch i that reaches patch j. In a closed
     scene each row sums to 1. Reciprocity holds: A_i F_ij = A_j F_ji. `Model.form_factors` and `load` make
     them.
 
     Notes
     -----
-    Sums over many entries err less than the sum of the entries' errors: `surface_error` states that of
+    The errors of sums over many entries are smaller than the sum of the entries' errors: `surface_error` estimates those of
     `surface`. The methods, with their sources and the measured coverage of the stated errors, are in
     `docs/methods.md` and `docs/stated-errors.md` of the project.
     """
@@ -48,12 +48,12 @@ class FormFactors(Result[_core.FormFactors]):
 
     @property
     def model(self) -> Model:
-        """The model that they are of."""
+        """The model of the form factors."""
         return self._model
 
     @property
     def shape(self) -> tuple[int, int]:
-        """(n, n)."""
+        """The shape (n, n)."""
         return self._model.n_patches, self._model.n_patches
 
     @cached_property
@@ -71,17 +71,17 @@ class FormFactors(Result[_core.FormFactors]):
 
     @property
     def surface_error(self) -> Floats:
-        """Estimates of the absolute errors of `surface`, (s, s), from surface i to surface j; not a number where nothing is known."""
+        """Estimates of the absolute errors of `surface`, (s, s), from surface i to surface j; NaN where unknown."""
         return self._surface[1] if self.errors_known else np.full_like(self._surface[1], np.nan)
 
     @property
     def lost(self) -> Floats:
-        """1 - sum_j F_ij of each surface, (s,): what no front of a face receives of what leaves it."""
+        """The fraction 1 - sum_j F_ij of the light of each surface that no front of a face receives, (s,)."""
         return self._surface[2]
 
     @property
     def sky(self) -> Floats:
-        """The fraction of what leaves each patch that escapes from the scene, (n,): the sky view factor."""
+        """The fraction of the light of each patch that escapes from the scene, (n,): the sky view factor."""
         return self._core.sky(False)[0]
 
     @property
@@ -101,7 +101,7 @@ class FormFactors(Result[_core.FormFactors]):
 
     @property
     def backs(self) -> Floats:
-        """The fraction of what leaves each patch that black backs of faces take, (n,)."""
+        """The fraction of the light of each patch that black backs of faces absorb, (n,)."""
         return self._core.sky(False)[2]
 
     @property
@@ -111,18 +111,21 @@ class FormFactors(Result[_core.FormFactors]):
 
     @cached_property
     def row_sums(self) -> Floats:
-        """sum_j F_ij of each patch i, (n,): 1 in a closed scene, else 1 - `sky` - `backs`."""
+        """The row sum sum_j F_ij of each patch i, (n,): 1 in a closed scene, else 1 - `sky` - `backs`."""
         return self._core.row_sums()
 
     @property
     def row_sum_errors(self) -> Floats:
-        """Estimates of the absolute errors of `row_sums`, (n,): the sum of what the entries of a row state, as these may have one sign, and its noise; not a number where nothing is known."""
+        """Estimates of the absolute errors of `row_sums`, (n,); NaN where unknown.
+
+        They are the sums of the stated errors of a row's entries, which may have one sign, and the noise.
+        """
         errors = self._core.sky(False)[4]
         return errors if self.errors_known else np.full_like(errors, np.nan)
 
     @property
     def errors_known(self) -> bool:
-        """False of form factors from a file that holds no errors."""
+        """False for form factors from a file without errors."""
         return self._core.errors_known
 
     @property
@@ -139,7 +142,7 @@ class FormFactors(Result[_core.FormFactors]):
     def matrix(self) -> Any:
         """F, (n, n): row i, column j is from patch i to patch j.
 
-        A `scipy.sparse.csr_array` where SciPy is installed and fewer than a third of the entries are not
+        A `scipy.sparse.csr_array` if SciPy is installed and fewer than a third of the entries are not
         zero, else an array of NumPy. `toarray` and `tocsr` give one or the other always.
         """
         return self.tocsr() if self._is_sparse else self.toarray()
@@ -149,7 +152,7 @@ class FormFactors(Result[_core.FormFactors]):
         """Estimates of the absolute error of each entry of `matrix`, (n, n), from patch i to patch j, of the same kind of array.
 
         An array of NumPy also holds the errors of entries that no ray hit; a sparse one those of the
-        entries of `matrix`. Rounded to float32 where they are stored. Not a number where nothing is known.
+        entries of `matrix`. Rounded to float32 where they are stored; NaN where unknown.
         """
         if not self.errors_known:
             return np.full(self.shape, np.nan)
@@ -206,7 +209,7 @@ class FormFactors(Result[_core.FormFactors]):
     def aslinearoperator(self) -> Any:
         """Returns F as a `scipy.sparse.linalg.LinearOperator`, (n, n), from patch i to patch j.
 
-        It has a transpose where `is_symmetric`: F^T = A F A^-1.
+        It has a transpose if `is_symmetric`: F^T = A F A^-1.
         """
         from scipy.sparse.linalg import LinearOperator
 
@@ -223,20 +226,20 @@ class FormFactors(Result[_core.FormFactors]):
 
     @cached_property
     def checks(self) -> dict[str, Any]:
-        """Row sums, reciprocity, rays and storage, by the names that `radiosity form-factors --json` has."""
+        """Row sums, reciprocity, rays and storage, by the names of `radiosity form-factors --json`."""
         found: dict[str, Any] = json.loads(self._core.record)
         return found
 
     @property
     def settings(self) -> dict[str, Any]:
-        """How they were computed, by the names that files have."""
+        """The settings of their computation, by their names in files."""
         found: dict[str, Any] = json.loads(self._core.settings)
         return found
 
     def save(
         self, path: Union[str, os.PathLike[str]], *, dense: bool = False, surface: Optional[str] = None
     ) -> None:
-        """Writes the form factors, a row from i to j, in the format that the ending of `path` names.
+        """Writes the form factors, a row from i to j, in the format of the ending of `path`.
 
         Parameters
         ----------

@@ -65,7 +65,7 @@ class Heat(Result[_core.Heat], Mapping[str, Floats]):
     `Model.heat` makes it. As a mapping it holds the quantities of the n patches by name, the unit in the
     name: ``temperature_k``, ``net_flux_w_m2``, ``supplied_w_m2``, ``irradiance_w_m2``, ``radiosity_w_m2``,
     ``solar_irradiance_w_m2`` and others; ``NAME_error`` estimates the absolute error of ``NAME``, infinite
-    where nothing is known. The equations are in `docs/heat.md` of the project. `save` writes a row for each
+    where unknown. The equations are in `docs/heat.md` of the project. `save` writes a row for each
     patch as ``.csv``, ``.npz``, ``.vtu``, or ``.ply`` or ``.obj`` in colours.
     """
 
@@ -88,7 +88,7 @@ class Heat(Result[_core.Heat], Mapping[str, Floats]):
 
     @property
     def temperature(self) -> Floats:
-        """T of each patch, K, (n,)."""
+        """The temperature T of each patch, K, (n,)."""
         return self["temperature_k"]
 
     @property
@@ -98,7 +98,7 @@ class Heat(Result[_core.Heat], Mapping[str, Floats]):
 
     @property
     def net_flux(self) -> Floats:
-        """q = B - H of the thermal band, leaving each patch, W/m2, (n,)."""
+        """The net flux q = B - H of the thermal band, leaving each patch, W/m2, (n,)."""
         return self["net_flux_w_m2"]
 
     @property
@@ -113,13 +113,13 @@ class Heat(Result[_core.Heat], Mapping[str, Floats]):
 
     @property
     def surfaces(self) -> list[dict[str, Any]]:
-        """The heat of each surface, by the names that `radiosity heat --json` has: ``temperature_k``, ``net_heat_w``, ..."""
+        """The heat of each surface, by the names of `radiosity heat --json`: ``temperature_k``, ``net_heat_w``, ..."""
         found: list[dict[str, Any]] = self._record["surfaces"]
         return found
 
     @property
     def balance(self) -> dict[str, float]:
-        """Where the heat of the scene comes from and goes, W, with errors: ``supplied_w``, ``escaped_w``, ``energy_balance_w``, ..."""
+        """The heat balance of the scene, W, with errors: ``supplied_w``, ``escaped_w``, ``energy_balance_w``, ..."""
         return {name: value for name, value in self._record.items() if name.removesuffix("_error").endswith("_w")}
 
     @property
@@ -130,7 +130,7 @@ class Heat(Result[_core.Heat], Mapping[str, Floats]):
 
     @property
     def mesh_error(self) -> Optional[dict[str, Any]]:
-        """What a mesh of about a quarter of the patches would change in the thermal band; None where that is not known."""
+        """The change by a mesh of about a quarter of the patches in the thermal band; None where unknown."""
         found: Optional[dict[str, Any]] = self._record["mesh_error"]
         return found
 
@@ -148,7 +148,7 @@ class ExchangeFactors:
     emissivity : ndarray, (m,)
         Area means.
     gebhart : ndarray, (m, m)
-        G[i, j]: the fraction of what node i emits that node j absorbs, reflections included; rows sum to 1.
+        G[i, j]: the fraction of the emission of node i that node j absorbs, reflections included; rows sum to 1.
     gebhart_error : ndarray, (m, m)
         Estimates of their absolute errors.
     conductance : ndarray, (m, m)
@@ -163,17 +163,17 @@ class ExchangeFactors:
 
     @property
     def script_f(self) -> Floats:
-        """Script-F, e_i G_ij, (m, m), from i to j."""
+        """The factors script-F, e_i G_ij, (m, m), from i to j."""
         return self.emissivity[:, np.newaxis] * self.gebhart
 
 
 class PointViews(Mapping[str, Floats]):
-    """What k free points see, and what arrives there.
+    """The views from k free points, and the irradiances there.
 
     `Model.points` makes it. The factors of a point sum to 1. As a mapping it holds ``surroundings`` and
-    ``backs``, and of points in a scene with heat ``irradiance``, ``solar``, ``sun`` (W/m2), ``sunlit`` and
+    ``backs``, and for points in a scene with heat ``irradiance``, ``solar``, ``sun`` (W/m2), ``sunlit`` and
     ``mean_radiant_temperature`` (K), (k,) each; ``NAME_error`` estimates the absolute error of ``NAME``.
-    Not a number where something is not defined.
+    NaN where undefined.
     """
 
     def __init__(
@@ -209,17 +209,17 @@ class PointViews(Mapping[str, Floats]):
 
     @property
     def status(self) -> list[str]:
-        """``free``, ``on_face`` or ``inside_solid`` of each point; numbers of the latter two mean little."""
+        """``free``, ``on_face`` or ``inside_solid`` of each point; results for the latter two are hardly meaningful."""
         return self._status
 
     @property
     def irradiance(self) -> Floats:
-        """The thermal irradiance, W/m2, (k,); of points without a normal the mean radiosity around."""
+        """The thermal irradiance, W/m2, (k,); for points without a normal the mean radiosity around."""
         return self["irradiance"]
 
     @property
     def mean_radiant_temperature(self) -> Floats:
-        """T, K, (k,), of points without a normal: (sum F B / sigma)^(1/4)."""
+        """The mean radiant temperature, K, (k,), of points without a normal: (sum F B / sigma)^(1/4)."""
         return self["mean_radiant_temperature"]
 
 

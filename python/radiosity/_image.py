@@ -23,7 +23,7 @@ class Image(Result[_core.Image], Mapping[str, "NDArray[Any]"]):
 
     `Model.render`, `Model.field` and `VoxelSolution.render` make it. ``np.asarray(image)`` is `radiance`. Layers are ``irradiance``, ``radiosity``,
     ``albedo`` (h, w, 3), ``N`` and ``P`` (normal and position, h, w, 3), ``Z`` (depth), ``patch`` (id, the
-    greatest uint32 where nothing is seen) and others, as the OpenEXR files have them. `save` writes an
+    greatest uint32 in the background) and others, as in the OpenEXR files. `save` writes an
     OpenEXR file with all layers, or a PNG.
     """
 
@@ -94,7 +94,7 @@ def verify(path: Union[str, os.PathLike[str]]) -> dict[str, Any]:
     Returns
     -------
     dict
-        By the names that `radiosity verify --json` has: ``passed``, and the errors of each layer.
+        By the names of `radiosity verify --json`: ``passed``, and the errors of each layer.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Models from and to the meshes of other packages, none of which has to be installed."""
+"""Converts meshes of other packages to models; none of these packages is required."""
 
 from __future__ import annotations
 

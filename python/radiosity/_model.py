@@ -1,4 +1,4 @@
-"""A scene with its patches, and what is computed from it."""
+"""A scene with its patches, and the computations on it."""
 
 from __future__ import annotations
 
@@ -67,11 +67,11 @@ class Model:
         number of their first face, counted from 1.
     reflectance : float, array_like or dict
         rho, in [0, 1]: a number, (1, 3) for one colour, (m,) or (m, 3) of each face, or a dict from names
-        of surfaces to numbers or triples, with ``"*"`` for those that are not named.
+        of surfaces to numbers or triples, with ``"*"`` for all others.
     exitance : float, array_like or dict
         E, W/m2, as `reflectance`.
     subdivide : int, optional
-        Cut every edge into so many parts: a quad into n x n patches, a triangle into n^2. Default 1.
+        Cut every edge into this many parts: a quad into n x n patches, a triangle into n^2. Default 1.
     max_edge : float, optional
         Cut every edge into parts of at most this length, m, instead.
     cut_at_walls : bool
@@ -79,7 +79,7 @@ class Model:
     crease_angle : float, optional
         The angle, degrees, beyond which two faces at an edge are different surfaces, without `surfaces`. Default 40.
     merge_tolerance : float, optional
-        Join vertices up to this distance, m; what is moved by it counts as rounding. Default 0.
+        Join vertices up to this distance, m; the movement counts as rounding. Default 0.
     unit : {"m", "mm", "cm", "in", "ft"}, optional
         The unit of `vertices`. Default m.
     up_axis : {"y", "z"}, optional
@@ -94,7 +94,7 @@ class Model:
     ArgumentError
         If an argument has a wrong shape or is not finite; the message names it.
     SceneError
-        If the faces are none that a scene can have; the message names the face or vertex.
+        If a scene cannot have these faces; the message names the face or vertex.
     """
 
     def __init__(
@@ -165,7 +165,7 @@ class Model:
         path : path
             The file. Its format is found by its content and then by its suffix.
         format : {"obj", "stl", "ply", "msh", "vtk", "gltf", "vs3"}, optional
-            The format, where that is not to be found.
+            The format, in place of detection.
         materials : path, optional
             A TOML file of reflectances and exitances by surface or material.
         surface_array : str, optional
@@ -217,14 +217,14 @@ class Model:
         cut_at_walls: bool = True,
         progress: Progress = None,
     ) -> Model:
-        """Makes a scene that the package has built in.
+        """Makes a built-in scene.
 
         Parameters
         ----------
         name : str
             Such as ``cube``, ``cornell-box``, ``lewis-room``, ``room-box``; the message of another name lists all.
         level : int, optional
-            The level of refinement, of scenes that have levels.
+            The level of refinement, for scenes that have levels.
         subdivide, max_edge, cut_at_walls, progress
             As of `Model`.
 
@@ -249,7 +249,7 @@ class Model:
 
     @cached_property
     def n_patches(self) -> int:
-        """n."""
+        """The number of patches n."""
         return self._core.n_patches
 
     @cached_property
@@ -279,17 +279,17 @@ class Model:
 
     @property
     def patch_normal(self) -> Floats:
-        """The unit normal of each patch, on the side that sees, (n, 3)."""
+        """The unit normal of each patch, on its front, (n, 3)."""
         return self._core.patch_frame[1]
 
     @property
     def reflectance(self) -> Floats:
-        """rho of each patch, (n,) of a gray scene, else (n, 3)."""
+        """The reflectance rho of each patch, (n,) for a gray scene, else (n, 3)."""
         return squeezed(self._core.materials()[0])
 
     @property
     def exitance(self) -> Floats:
-        """E of each patch, W/m2, (n,) of a gray scene, else (n, 3)."""
+        """The exitance E of each patch, W/m2, (n,) for a gray scene, else (n, 3)."""
         return squeezed(self._core.materials()[1])
 
     def form_factors(
@@ -325,7 +325,7 @@ class Model:
         tolerance : float, optional
             With ``exact``: the error that A_i F_ij / min(A_i, A_j) may have. Default 1e-6.
         rays : int, optional
-            Rays for each patch where the method shoots, for each pair with ``qmc``.
+            Rays for each patch if the method shoots, for each pair with ``qmc``.
         points, resolution, budget : int, optional
             Points along each side of a patch; cells along each edge of the hemicube; evaluations for a pair.
         row_tolerance : float, optional
@@ -337,26 +337,26 @@ class Model:
         normalise : bool
             Divide rows by their sums, with ``centre``.
         balance : {"auto", "on", "closure", "off"}
-            Whether form factors are made symmetric and their rows sum to what they should.
+            Whether form factors are made symmetric and their row sums restored.
         closed : bool, optional
             A statement that no light leaves the scene, or that it does; found from the scene by default.
         time_limit : float, optional
             Seconds: method and tolerance are chosen for it.
         memory_limit : int, optional
-            The most memory to use, bytes. Default 80 % of what is available.
+            The most memory to use, bytes. Default 80 % of the available memory.
         storage : {"auto", "dense", "symmetric", "sparse", "disk"}
             How they are kept; ``disk`` is a scratch file.
         precision : {"f64", "f32"}, optional
-            The digits that are kept.
+            The stored precision.
         scratch, checkpoint : path, optional
-            The directory of the scratch file; a file for finished work, from which the same call goes on.
+            The directory of the scratch file; a file for finished work, from which the same call continues.
         progress : bool or callable, optional
             As of `Model`.
 
         Returns
         -------
         FormFactors
-            F[i, j] is the fraction of what leaves patch i that reaches patch j, with its error.
+            F[i, j] is the fraction of the light leaving patch i that reaches patch j, with its error.
 
         Raises
         ------
@@ -415,7 +415,7 @@ class Model:
         Parameters
         ----------
         form_factors : FormFactors, optional
-            Of this model; computed with the defaults of `form_factors` where they are left out.
+            Of this model; computed with the defaults of `form_factors` by default.
         reflectance : float or array_like, (n,), (n, k) or (n, k, 3), optional
             rho of each patch, in place of the scene's.
         exitance : float or array_like, (n,), (n, k) or (n, k, 3), optional
@@ -424,13 +424,13 @@ class Model:
         sun : dict, optional
             ``irradiance`` of a plane that faces the sun, W/m2 (a number or three), with ``direction`` or
             ``latitude``, ``longitude``, ``time`` (RFC 3339) and ``north``; ``angular_radius`` in degrees.
-            Shadows are exact. Only along with the scene's own materials.
+            Shadows are exact. Only with the scene's own materials.
         sky : float, optional
             The irradiance of an unoccluded plane that faces up (z), W/m2, from a sky that is uniform over
-            the hemisphere. Only along with the scene's own materials.
+            the hemisphere. Only with the scene's own materials.
         solver : str
             ``auto`` (default), ``pcg``, ``gmres``, ``jacobi``, ``gauss-seidel``, ``direct`` and others:
-            `docs/methods.md` has them with their sources.
+            `docs/methods.md` lists them with their sources.
         tolerance : float, optional
             On sqrt(sum A r^2 / sum A E^2), the worst channel. Default 1e-6.
         max_passes : int, optional
@@ -445,14 +445,14 @@ class Model:
         Returns
         -------
         Solution
-            Its arrays have the shape of `exitance`, or of `reflectance`, where one is given.
+            Its arrays have the shape of `exitance`, or of `reflectance`, if one is given.
 
         Raises
         ------
         ArgumentError
             If an array has a wrong shape or values.
         SolverError
-            If patches emit, reflect everything, and let nothing out, or a setting has no use.
+            If patches emit and reflect everything, and no light leaves, or if a setting is not used.
         """
         if form_factors is None:
             form_factors = self.form_factors(progress=progress)
@@ -524,8 +524,8 @@ class Model:
         solution : Solution
             Of this model, with one channel or three.
         eye, look_at : sequence of 3 float, optional
-            Where the camera stands and looks, m. By default that of the file beside the scene, or one
-            chosen for the scene.
+            The position of the camera, and the point at which it looks, m. By default from the file beside the
+            scene, or chosen for the scene.
         up : sequence of 3 float, optional
             The direction that is up in the image. Default z.
         fov : float, optional
@@ -537,9 +537,9 @@ class Model:
         samples : int, optional
             samples^2 for each pixel. Default 2.
         direct : {"polygons", "exact", "rays", "off"}, optional
-            How the light straight from the emitters is found at each pixel; "off" under sun and sky.
+            The method for direct light from the emitters at each pixel; "off" under sun and sky.
         flat : bool, optional
-            Show the radiosity of each patch. Always so of a solution for reflectances or exitances of
+            Show the radiosity of each patch. This is always so for a solution with reflectances or exitances of
             single patches, which a scene cannot hold.
         final_gather : bool, optional
             Gather light between surfaces by rays at each pixel, as many as `noise` needs.
@@ -558,7 +558,7 @@ class Model:
         Raises
         ------
         ArgumentError
-            If settings do not go together.
+            If settings do not fit together.
         SceneError
             If the camera cannot be read.
         """
@@ -626,7 +626,7 @@ class Model:
         Raises
         ------
         ArgumentError
-            If there is no such surface, or settings do not go together.
+            If there is no such surface, or settings do not fit together.
         """
         if instance("surface", surface, str) not in self.surfaces:
             raise ArgumentError(f"surface: there is no {surface!r}; the scene has {', '.join(self.surfaces[:12])}")
@@ -676,9 +676,9 @@ class Model:
         checkpoint: Optional[Path] = None,
         progress: Progress = None,
     ) -> dict[str, Any]:
-        """Renders a sequence of lightings, cameras and places of surfaces into files.
+        """Renders a sequence of lightings, cameras and positions of surfaces into files.
 
-        Form factors are computed once as far as they stay the same, and lightings of one pose are solved
+        Form factors that stay the same are computed once, and the lightings of one pose are solved
         together.
 
         Parameters
@@ -696,14 +696,14 @@ class Model:
         eye, look_at, up, fov, width, height, camera, samples, direct, flat, final_gather, noise, seed
             As of `render`.
         checkpoint : path, optional
-            A file for finished work, from which the same call goes on.
+            A file for finished work, from which the same call continues.
         progress : bool or callable, optional
             As of `Model`.
 
         Returns
         -------
         dict
-            By the names that `radiosity render --frames --json` has: ``frames`` with their files and the mean
+            By the names of `radiosity render --frames --json`: ``frames`` with their files and the mean
             radiosity of each surface, and ``poses``.
 
         Raises
@@ -769,7 +769,7 @@ class Model:
         passes : int, optional
             Propagations of light. Default 10.
         form : {"in-place", "jacobi"}, optional
-            Whether a propagation computes from the newest values or from those of the one before.
+            Whether a propagation uses the newest values or those of the previous one.
         adaptive : float, optional
             Join voxels to cells where the irradiance changes by less than this part of its mean.
         coarsest : int, optional
@@ -780,7 +780,7 @@ class Model:
             Leave the weights of a voxel's directions as they are; let every voxel of an emitter send its
             exitance; weigh directions by exact solid angles.
         links : {"auto", "memory", "disk", "recompute"}, optional
-            Where links are between passes.
+            The place of links between passes.
         link_file : path, optional
             The file of links on a disk. Default: the name of the scene's file with ``.links``.
         closed : bool, optional
@@ -797,7 +797,7 @@ class Model:
         Raises
         ------
         ArgumentError, MemoryLimitError
-            If settings do not go together, or the voxels do not fit the memory.
+            If settings do not fit together, or the voxels do not fit the memory.
         """
         options = given(
             n=n,
@@ -831,7 +831,7 @@ class Model:
         max_passes: Optional[int] = None,
         progress: Progress = None,
     ) -> Heat:
-        """Finds temperatures and net heat fluxes for boundary conditions, each with its error.
+        """Computes temperatures and net heat fluxes for boundary conditions, each with its error.
 
         Parameters
         ----------
@@ -842,8 +842,7 @@ class Model:
             ``supplied_w_m2``, ``adiabatic``, ``node`` and ``other_side``. Numbers may be arrays over
             patches, (n,) of the model or one for each patch of the surface.
         form_factors : FormFactors, optional
-            Of this model, from patch i to patch j; computed with the defaults of `form_factors` where they
-            are left out.
+            Of this model, from patch i to patch j; computed with the defaults of `form_factors` by default.
         sun : dict, optional
             In place of that of `boundary`; as of `solve`, with one irradiance.
         sky : float, optional
@@ -885,7 +884,7 @@ class Model:
         checkpoint: Optional[Path] = None,
         progress: Progress = None,
     ) -> SunPath:
-        """Finds the light of the scene's own materials, or with `boundary` temperatures, at many times of the sun.
+        """Computes the light of the scene's own materials, or with `boundary` temperatures, at many times of the sun.
 
         Parameters
         ----------
@@ -894,8 +893,8 @@ class Model:
             ``longitude``, or rows of time, x, y, z (towards the sun, of any length) and the irradiance of a
             plane that faces the sun, W/m2. Times increase; dates are in RFC 3339.
         form_factors : FormFactors, optional
-            Of this model, from patch i to patch j; computed with the defaults of `form_factors` where they
-            are left out. They serve all times.
+            Of this model, from patch i to patch j; computed with the defaults of `form_factors` by default.
+            They serve all times.
         boundary : path or dict, optional
             As of `heat`. Surfaces store no heat: each time is a steady state of its own.
         sky : float or three, optional
@@ -905,7 +904,7 @@ class Model:
         solver, tolerance, max_passes
             As of `solve`.
         checkpoint : path, optional
-            A file for finished times, from which the same call goes on after an interruption.
+            A file for finished times, from which the same call continues after an interruption.
         progress : bool or callable, optional
             As of `Model`.
 
@@ -957,7 +956,7 @@ class Model:
         Parameters
         ----------
         boundary : path or dict
-            As of `heat`; only emissivities play a part.
+            As of `heat`; only emissivities matter.
         form_factors : FormFactors, optional
             As of `heat`.
         by : {"surface", "patch"}
@@ -994,18 +993,18 @@ class Model:
         person: bool = False,
         progress: Progress = None,
     ) -> PointViews:
-        """Looks from free points: factors to all surfaces, and with heat the irradiance and the mean radiant temperature.
+        """Returns the views from free points: factors to all surfaces, and with heat the irradiance and the mean radiant temperature.
 
         Parameters
         ----------
         xyz : array_like, (k, 3)
             Positions, m.
         normals : array_like, (k, 3), optional
-            Where the points face, of any length. Points without a normal look all around.
+            The directions of the points, of any length. Points without a normal look all around.
         heat : Heat, optional
-            Of this model, for what arrives at the points.
+            Of this model, for the irradiances.
         person : bool
-            Count the sun in the mean radiant temperature as it counts on a standing person.
+            Include the sun in the mean radiant temperature as a standing person absorbs it.
         progress : bool or callable, optional
             As of `Model`.
 
@@ -1073,14 +1072,14 @@ def load(
     scratch: Optional[Path] = None,
     progress: Progress = None,
 ) -> FormFactors:
-    """Reads the form factors of a model from a file that `FormFactors.save` or the program wrote; a row is from i to j.
+    """Reads the form factors of a model from a file of `FormFactors.save` or the program; a row is from i to j.
 
     Parameters
     ----------
     path : path
         ``.npz``, ``.npy`` or ``.mtx``; the latter two hold no errors.
     model : Model
-        With the patches that they were computed for; materials may be others.
+        With the patches of the form factors; materials may differ.
     balance, memory_limit, storage, precision, scratch, progress
         As of `Model.form_factors`.
 
@@ -1106,7 +1105,7 @@ def load(
 
 
 def _fitted(values: Floats, shape: tuple[int, ...]) -> Optional[Floats]:
-    """Returns values for every channel of a shape: gray ones count for all, coloured ones for each lighting."""
+    """Returns values for every channel of a shape: gray ones for all channels, coloured ones for each lighting."""
     if values.shape == shape:
         return values
     if values.ndim == 1:

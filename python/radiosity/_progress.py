@@ -1,4 +1,4 @@
-"""Progress of long calls: a callback of the user, or a bar where somebody is looking."""
+"""Progress of long calls: a callback of the user, or a bar in a terminal or notebook."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def _in_notebook() -> bool:
 
 
 class Bar:
-    """A line on standard error, or the bar of tqdm where that is installed; with a callback it only hands on."""
+    """A line on standard error, or the bar of tqdm if that is installed; a callback replaces both."""
 
     def __init__(self, progress: Progress) -> None:
         self._user = progress if callable(progress) else None
@@ -36,7 +36,7 @@ class Bar:
 
     @property
     def callback(self) -> Optional[Callable[[str, int, int], object]]:
-        """What the library is to call."""
+        """The callback for the library."""
         return self._user or (self._tell if self._shown else None)
 
     def __enter__(self) -> Optional[Callable[[str, int, int], object]]:

@@ -1,4 +1,4 @@
-"""The warnings and the file that every result has."""
+"""The base class of results, with their warnings and files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ C = TypeVar("C", bound=Core)
 
 
 class Result(Generic[C]):
-    """A result of a call: its warnings, and a way into a file."""
+    """A result of a call, with its warnings, which can be saved."""
 
     def __init__(self, core: C) -> None:
         self._core = core
@@ -32,12 +32,12 @@ class Result(Generic[C]):
         return self._core.warnings
 
     def save(self, path: Union[str, os.PathLike[str]]) -> None:
-        """Writes the result in the format that the ending of `path` names; the class lists the formats.
+        """Writes the result in the format of the ending of `path`; the class lists the formats.
 
         Parameters
         ----------
         path : path
-            The file. It is written whole or not at all.
+            The file, which is replaced atomically.
 
         Raises
         ------

@@ -20,10 +20,10 @@ Floats = NDArray[np.float64]
 
 
 class Solution(Result[_core.Solution]):
-    """Radiosities of the n patches of a model, B = E + rho F B, and how good they are.
+    """Radiosities of the n patches of a model, B = E + rho F B, with their errors.
 
-    `Model.solve` makes them. F is from patch i to patch j. Arrays over patches have the shape (n,) of a
-    gray scene, (n, 3) of one with colours, or that of the exitance that `Model.solve` was given. `save` writes
+    `Model.solve` makes them. F is from patch i to patch j. Arrays over patches have the shape (n,) for a
+    gray scene, (n, 3) for one with colours, or that of the exitance given to `Model.solve`. `save` writes
     ``.csv``, ``.npz``, ``.vtu``, or ``.ply`` or ``.obj`` in colours.
     """
 
@@ -41,37 +41,37 @@ class Solution(Result[_core.Solution]):
 
     @property
     def model(self) -> Model:
-        """The model that it is of."""
+        """The model of the solution."""
         return self._model
 
     @property
     def form_factors(self) -> FormFactors:
-        """The form factors that it rests on, from patch i to patch j."""
+        """The form factors of the solution, from patch i to patch j."""
         return self._factors
 
     @property
     def radiosity(self) -> Floats:
-        """B of each patch, W/m2."""
+        """The radiosity B of each patch, W/m2."""
         return self._core.radiosity.reshape(self._shape)
 
     @property
     def irradiance(self) -> Floats:
-        """H of each patch, W/m2: F B, and what comes straight from sun and sky."""
+        """The irradiance H of each patch, W/m2: F B, and the direct light of sun and sky."""
         return self._core.irradiance.reshape(self._shape)
 
     @property
     def reflectance(self) -> Floats:
-        """rho of each patch."""
+        """The reflectance rho of each patch."""
         return self._core.reflectance.reshape(self._shape)
 
     @property
     def exitance(self) -> Floats:
-        """E of each patch, W/m2."""
+        """The exitance E of each patch, W/m2."""
         return self._core.exitance.reshape(self._shape)
 
     @property
     def error(self) -> Optional[Floats]:
-        """Estimates of the absolute error of `radiosity` by the errors of the form factors, W/m2; None where nothing is known.
+        """Estimates of the absolute error of `radiosity` by the errors of the form factors, W/m2; None where unknown.
 
         The solver's error is in `error_bound`, that of the mesh in `mesh_error`.
         """
@@ -85,19 +85,19 @@ class Solution(Result[_core.Solution]):
 
     @property
     def error_bound(self) -> Optional[float]:
-        """A proven bound on the relative error that the solver leaves in B, in the area-weighted L2 norm, the worst channel; None where none is known."""
+        """A proven bound on the relative error of B by the solver, in the area-weighted L2 norm, the worst channel; None where none is known."""
         bound: Optional[float] = self._record["error_bound"]
         return bound
 
     @property
     def relative_error(self) -> Optional[float]:
-        """The relative error of B by solver and form factors together, in the same norm, the mesh's aside: an estimate."""
+        """An estimate of the relative error of B by solver and form factors, in the same norm, without that of the mesh."""
         error: Optional[float] = self._record["estimated_relative_error"]
         return error
 
     @cached_property
     def mesh_error(self) -> Optional[dict[str, Any]]:
-        """What a mesh of about a quarter of the patches would change; None where that is not known."""
+        """The change by a mesh of about a quarter of the patches; None where unknown."""
         found: Optional[dict[str, Any]] = json.loads(self._core.mesh_error)
         return found
 
@@ -109,25 +109,25 @@ class Solution(Result[_core.Solution]):
 
     @property
     def solver(self) -> str:
-        """The solver, the one that ``auto`` chose."""
+        """The solver; with ``auto`` the chosen one."""
         name: str = self._record["solver"]
         return name
 
     @property
     def stop_reason(self) -> str:
-        """``converged``, ``max_passes``, ``stagnated`` or ``diverged``."""
+        """The stop reason: ``converged``, ``max_passes``, ``stagnated`` or ``diverged``."""
         reason: str = self._record["stop_reason"]
         return reason
 
     @property
     def n_passes(self) -> int:
-        """Passes over the form factors."""
+        """The number of passes over the form factors."""
         count: int = self._record["n_passes"]
         return count
 
     @property
     def residual(self) -> Optional[float]:
-        """sqrt(sum A r^2 / sum A E^2), the worst channel, with r = E - (I - diag(rho) F) B."""
+        """The residual sqrt(sum A r^2 / sum A E^2), the worst channel, with r = E - (I - diag(rho) F) B."""
         value: Optional[float] = self._record["residual_l2"]
         return value
 
@@ -139,7 +139,7 @@ class Solution(Result[_core.Solution]):
 
     @cached_property
     def energy(self) -> list[dict[str, Any]]:
-        """Where the power of each channel goes, W."""
+        """The power balance of each channel, W."""
         flows: list[dict[str, Any]] = json.loads(self._core.energy)
         return flows
 

@@ -9,7 +9,7 @@ from ._arguments import whole
 
 
 def set_threads(n: Optional[int]) -> None:
-    """Sets the number of threads of all calls that follow; results do not depend on it.
+    """Sets the number of threads of all later calls; results do not depend on it.
 
     Parameters
     ----------

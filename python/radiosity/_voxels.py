@@ -40,7 +40,7 @@ class VoxelSolution(Result[_core.VoxelSolution]):
 
     @property
     def model(self) -> Model:
-        """The model that it is of."""
+        """The model of the voxels."""
         return self._model
 
     @property
@@ -50,7 +50,7 @@ class VoxelSolution(Result[_core.VoxelSolution]):
 
     @property
     def normal(self) -> Floats:
-        """The unit normal of each surfel, on the side that sees, (n, 3)."""
+        """The unit normal of each surfel, on its front, (n, 3)."""
         return self._core.normal
 
     @property
@@ -65,17 +65,17 @@ class VoxelSolution(Result[_core.VoxelSolution]):
 
     @property
     def radiosity(self) -> Floats:
-        """B of each surfel, W/m2, (n,) of a gray scene, else (n, 3)."""
+        """The radiosity B of each surfel, W/m2, (n,) for a gray scene, else (n, 3)."""
         return squeezed(self._core.radiosity)
 
     @property
     def irradiance(self) -> Floats:
-        """H of each surfel, W/m2, (n,) of a gray scene, else (n, 3)."""
+        """The irradiance H of each surfel, W/m2, (n,) for a gray scene, else (n, 3)."""
         return squeezed(self._core.irradiance)
 
     @cached_property
     def figures(self) -> dict[str, Any]:
-        """Voxels, links, leaks and the surfaces with their mean radiosity, by the names that `radiosity voxel --json` has."""
+        """Voxels, links, leaks and the surfaces with their mean radiosity, by the names of `radiosity voxel --json`."""
         found: dict[str, Any] = json.loads(self._core.record)
         return found
 
@@ -101,7 +101,7 @@ class VoxelSolution(Result[_core.VoxelSolution]):
         eye, look_at, up, fov, width, height, camera, samples, flat, progress
             As of `Model.render`.
         show_voxels : bool
-            Show the voxels, not the surfaces that they stand for.
+            Show the voxels, not the surfaces that they represent.
 
         Returns
         -------
@@ -110,7 +110,7 @@ class VoxelSolution(Result[_core.VoxelSolution]):
         Raises
         ------
         ArgumentError, SceneError
-            If settings do not go together, or the camera cannot be read.
+            If settings do not fit together, or the camera cannot be read.
         """
         options = given(
             eye=vector("eye", eye),

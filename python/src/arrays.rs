@@ -1,4 +1,4 @@
-//! NumPy's arrays and the library's blocks.
+//! Converts between NumPy's arrays and the library's blocks.
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods as _, PyReadonlyArray2, PyUntypedArrayMethods as _};
 use pyo3::prelude::*;
@@ -20,7 +20,7 @@ pub(crate) fn array<'py>(py: Python<'py>, block: &Block) -> PyResult<Numbers<'py
     table(py, block.values().to_vec(), block.n_channels())
 }
 
-/// Returns an array as a block of `n_rows` rows; `name` is what the user calls it.
+/// Returns an array as a block of `n_rows` rows; errors call it `name`.
 pub(crate) fn block(py: Python<'_>, name: &str, values: &PyReadonlyArray2<'_, f64>, n_rows: usize) -> PyResult<Block> {
     let &[found, n_channels] = values.shape() else {
         return Err(bad_argument(py, &format!("{name}: not two-dimensional")));

@@ -1,4 +1,4 @@
-//! Work off the calling thread: the interpreter's lock is released, and that thread hears of signals and tells the progress.
+//! Runs work off the calling thread, with the interpreter's lock released, while that thread handles signals and reports progress.
 
 use std::ffi::CString;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -12,16 +12,16 @@ use radiosity::workflow::{Context, Demand, Memory, Settings, Warning, WorkflowEr
 
 use crate::error::{bad_argument, class, raised};
 
-/// How often signals are looked for and progress is told.
+/// The interval at which signals are checked and progress is reported.
 const BEAT: Duration = Duration::from_millis(50);
 
-/// Bytes of the stack of a worker: that of a program's main thread on Linux.
+/// The bytes of the stack of a worker: that of a program's main thread on Linux.
 const STACK: usize = 8 << 20;
 
-/// The threads that calls work with; `None` for all cores.
+/// The thread pool of calls; `None` for all cores.
 static POOL: Mutex<Option<Arc<rayon::ThreadPool>>> = Mutex::new(None);
 
-/// Sets the number of threads of all calls that follow, or with `None` all cores.
+/// Sets the number of threads of all later calls, or with `None` all cores.
 #[pyfunction]
 #[pyo3(signature = (n))]
 pub(crate) fn set_threads(py: Python<'_>, n: Option<usize>) -> PyResult<()> {
@@ -33,7 +33,7 @@ pub(crate) fn set_threads(py: Python<'_>, n: Option<usize>) -> PyResult<()> {
     Ok(())
 }
 
-/// The progress of a call as its worker tells it and the calling thread reads it.
+/// The progress of a call, written by its worker and read by the calling thread.
 #[derive(Debug, Default)]
 struct Shared {
     stage: Mutex<String>,
@@ -70,18 +70,18 @@ impl Shared {
     }
 }
 
-/// What goes along with a call.
+/// The context of a call.
 #[derive(Debug, Default)]
 pub(crate) struct Call {
-    /// Hears of the progress: `progress(stage, done, total)`.
+    /// The callback `progress(stage, done, total)`.
     pub(crate) progress: Option<Py<PyAny>>,
-    /// What form factors may take, and where.
+    /// The memory limit, and the storage of form factors.
     pub(crate) memory: Memory,
     /// A file for finished work.
     pub(crate) checkpoint: Option<std::path::PathBuf>,
-    /// What comes after form factors.
+    /// The demands of the steps after form factors.
     pub(crate) demand: Demand,
-    /// The settings of what the work rests on.
+    /// The settings of the objects on which the work is based.
     pub(crate) settings: Settings,
 }
 
@@ -93,7 +93,7 @@ pub(crate) struct Done<T> {
     pub(crate) settings: Settings,
 }
 
-/// What a worker returns.
+/// The result of a worker.
 struct Ended<T> {
     result: Result<T, WorkflowError>,
     warnings: Vec<Warning>,
@@ -101,10 +101,10 @@ struct Ended<T> {
 }
 
 impl Call {
-    /// Runs work, and gives its warnings to Python's `warnings`.
+    /// Runs work, and passes its warnings to Python's `warnings`.
     ///
     /// # Errors
-    /// The exceptions of the package, KeyboardInterrupt, what the progress callback raises, and warnings that are to be errors.
+    /// The exceptions of the package, KeyboardInterrupt, exceptions of the progress callback, and warnings that are configured as errors.
     pub(crate) fn run<T: Send>(
         self,
         py: Python<'_>,
@@ -115,12 +115,12 @@ impl Call {
         let Some(error) = interrupted else {
             return ended.done(py);
         };
-        // One error is enough.
+        // A single error is raised.
         let _ = ended.warn(py);
         Err(error)
     }
 
-    /// As [`run`](Self::run), but does not wait for work that is interrupted: it ends by itself where it next looks for that, and its result is dropped.
+    /// Runs work as [`run`](Self::run) does, without waiting for interrupted work: it ends by itself at its next check, and its result is dropped.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -134,7 +134,7 @@ impl Call {
         ended.done(py)
     }
 
-    /// Returns the body of a worker, with what it shares with the calling thread.
+    /// Returns the body of a worker, and its state shared with the calling thread.
     fn prepared<T: Send, W: FnOnce(&mut Context) -> Result<T, WorkflowError> + Send>(
         self,
         work: W,
@@ -178,7 +178,7 @@ impl Call {
 }
 
 impl<T> Ended<T> {
-    /// Gives the warnings to Python's `warnings`.
+    /// Passes the warnings to Python's `warnings`.
     fn warn(&self, py: Python<'_>) -> PyResult<()> {
         self.warnings.iter().try_for_each(|text| warn(py, &text.to_string()))
     }
@@ -200,7 +200,7 @@ fn named() -> std::thread::Builder {
     std::thread::Builder::new().name("radiosity".into()).stack_size(STACK)
 }
 
-/// Runs a body on a thread of its own, while this one looks for signals; returns what either of them ended with.
+/// Runs a body on a thread of its own, while this one checks for signals; returns its result, and the error of the checks if there was one.
 fn watched<T: Send>(
     body: impl FnOnce() -> T + Send,
     shared: &Shared,
@@ -209,7 +209,7 @@ fn watched<T: Send>(
     std::thread::scope(|scope| {
         let (ends, is_ended) = channel::<()>();
         let worker = named().spawn_scoped(scope, move || {
-            // Dropped when the body ends, also by a panic.
+            // This is dropped when the body ends, even by a panic.
             let _ends = ends;
             body()
         })?;
@@ -227,7 +227,7 @@ fn watched<T: Send>(
     })
 }
 
-/// As [`watched`], but leaves the thread to itself where it is interrupted.
+/// Runs a body as [`watched`] does, but abandons its thread after an interruption.
 fn watched_apart<T: Send + 'static>(
     body: impl FnOnce() -> T + Send + 'static,
     shared: &Shared,
@@ -235,7 +235,7 @@ fn watched_apart<T: Send + 'static>(
 ) -> PyResult<T> {
     let (sends, receives) = channel();
     let worker = named().spawn(move || {
-        // Nobody receives it after an interruption.
+        // After an interruption there is no receiver.
         let _ = sends.send(body());
     })?;
     let mut told = None;
@@ -251,7 +251,7 @@ fn watched_apart<T: Send + 'static>(
     }
 }
 
-/// Looks for signals and tells the progress, and cancels the work where either raises an error.
+/// Checks for signals and reports the progress; cancels the work if either raises an error.
 fn listened(shared: &Shared, progress: Option<&Py<PyAny>>, told: &mut Option<(String, u64, u64)>) -> PyResult<()> {
     let heard = Python::attach(|py| heard(py, shared, progress, told));
     if heard.is_err() {
@@ -260,7 +260,7 @@ fn listened(shared: &Shared, progress: Option<&Py<PyAny>>, told: &mut Option<(St
     heard
 }
 
-/// Looks for signals, and tells the progress where it is another than before.
+/// Checks for signals, and reports the progress if it has changed.
 fn heard(
     py: Python<'_>,
     shared: &Shared,

@@ -1,4 +1,4 @@
-//! Errors of the library as exceptions of the package, which `radiosity/_errors.py` defines.
+//! Converts errors of the library to exceptions of the package, which `radiosity/_errors.py` defines.
 
 use pyo3::prelude::*;
 use radiosity::voxel::VoxelError;

@@ -1,4 +1,4 @@
-//! Form factors with all that is known of them.
+//! Form factors with their checks.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ use crate::call::Call;
 use crate::error::bad_argument;
 use crate::model::Shared;
 
-/// Form factors, their model and how they were made.
+/// Form factors, with their model and settings.
 #[expect(
     clippy::struct_field_names,
     reason = "a study of the library, with what belongs to it"
@@ -54,7 +54,7 @@ impl FormFactors {
         serde_json::Value::from(self.of.settings.record()).to_string()
     }
 
-    /// The checks, as the program prints them.
+    /// Returns the checks, as the program prints them.
     #[getter]
     fn record(&self) -> String {
         serde_json::to_string(&FormFactorRecord::from(&self.of.study)).unwrap_or_default()
@@ -80,7 +80,9 @@ impl FormFactors {
         PyArray1::from_vec(py, sums)
     }
 
-    /// What escapes of the light of each patch and what backs take of it, with their errors, and the error of what fronts receive; of surfaces where these are wanted.
+    /// Returns the escaping fraction of the light of each patch and the one that backs absorb, with their errors, and the error of the fraction that fronts receive.
+    ///
+    /// With `of_surfaces` these are means over surfaces.
     fn sky<'py>(&self, py: Python<'py>, of_surfaces: bool) -> [Column<'py>; 5] {
         let own = &self.of.study.sky;
         let means = of_surfaces.then(|| {
@@ -98,7 +100,7 @@ impl FormFactors {
         ]
     }
 
-    /// Form factors between surfaces and their errors, \[s, s\], and what of each no front receives.
+    /// Returns the form factors between surfaces and their errors, \[s, s\], and the fraction of the light of each that no front receives.
     fn surface<'py>(&self, py: Python<'py>) -> PyResult<(Numbers<'py>, Numbers<'py>, Column<'py>)> {
         let (of_patch, n) = {
             let model = self.of.model.lock();
@@ -114,7 +116,7 @@ impl FormFactors {
         ))
     }
 
-    /// The entries of compressed sparse rows: values, errors, columns, and where each row ends, with a 0 first.
+    /// Returns the entries of compressed sparse rows: values, errors, columns, and the end of each row, preceded by a 0.
     #[expect(clippy::type_complexity, reason = "four arrays")]
     fn rows<'py>(
         &self,
@@ -148,7 +150,7 @@ impl FormFactors {
         ))
     }
 
-    /// F in full, or the errors of its entries, \[n, n\].
+    /// Returns F in full, or the errors of its entries, \[n, n\].
     fn full<'py>(&self, py: Python<'py>, errors: bool) -> PyResult<Numbers<'py>> {
         let factors = &self.of.study.factors;
         let n = factors.n_rows();
@@ -168,7 +170,7 @@ impl FormFactors {
         PyArray1::from_vec(py, values).reshape([n, n])
     }
 
-    /// F x, or Fᵀ x of exchange areas that are symmetric, \[n, c\].
+    /// Returns F x, or Fᵀ x of exchange areas that are symmetric, \[n, c\].
     fn apply<'py>(&self, py: Python<'py>, x: PyReadonlyArray2<'_, f64>, transposed: bool) -> PyResult<Numbers<'py>> {
         let factors = &self.of.study.factors;
         let mut x = block(py, "x", &x, factors.n_rows())?;
@@ -181,7 +183,7 @@ impl FormFactors {
                     }
                 }
             };
-            // Fᵀ = A F A⁻¹.
+            // For symmetric exchange areas Fᵀ = A F A⁻¹.
             if transposed {
                 scale(&mut x, &|area| 1.0 / area);
             }
@@ -196,7 +198,7 @@ impl FormFactors {
         array(py, &y)
     }
 
-    /// Writes a file, in the format that its ending names.
+    /// Writes a file, in the format of its ending.
     #[pyo3(signature = (path, dense=false, surface=None))]
     fn save(&self, py: Python<'_>, path: PathBuf, dense: bool, surface: Option<&str>) -> PyResult<()> {
         let of = &self.of;

@@ -15,7 +15,7 @@ use crate::image::{Image, Wanted, view};
 use crate::model::{Shared, call};
 use crate::options::Options;
 
-/// Renders a field to the surface of a number; returns it with the means of the surfaces, as the program prints them.
+/// Renders a field to the surface of a given number; returns it with the means of the surfaces, as the program prints them.
 pub(crate) fn field(
     py: Python<'_>,
     shared: &Arc<Shared>,

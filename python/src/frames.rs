@@ -20,7 +20,7 @@ use crate::options::Options;
 
 /// The records of a sequence.
 struct Records<'a> {
-    /// The name of the solver that was asked for.
+    /// The name of the requested solver.
     solver: &'a str,
     naming: fn(Parameter, Option<&str>) -> String,
     poses: Vec<(SolverRecord, PoseRecord)>,
@@ -39,7 +39,9 @@ impl SequenceObserver for Records<'_> {
     }
 }
 
-/// Renders all frames of a list, a text in TOML with what messages call it, or without a text the file of that name; returns the document as the program prints it.
+/// Renders all frames of a list, and returns the document as the program prints it.
+///
+/// The list is a text in TOML with its name for messages, or without a text the file of that name.
 pub(crate) fn render(
     py: Python<'_>,
     shared: &Arc<Shared>,

@@ -27,7 +27,7 @@ pub(crate) struct Heat {
     warnings: Vec<String>,
 }
 
-/// The entries of boundary conditions, each with its name in messages and its text in TOML, and the name of the whole; without entries that of their file.
+/// The entries of boundary conditions, each with its name for messages and its text in TOML, and the name of the whole; without entries, that of their file.
 pub(crate) type Given = (Option<Vec<(PathBuf, String)>>, String);
 
 /// Reads boundary conditions.
@@ -40,7 +40,7 @@ pub(crate) fn read(py: Python<'_>, shared: &Shared, (parts, name): Given) -> PyR
     read.map_err(|error| raised(py, &error.into()))
 }
 
-/// Takes sun and sky of a call in place of those of the conditions.
+/// Replaces sun and sky of the conditions by those of a call.
 pub(crate) fn lit(py: Python<'_>, mut boundary: Boundary, options: &Options<'_>) -> PyResult<Boundary> {
     let up = boundary.sky.map_or(DVec3::Z, |sky| sky.up());
     if let Some(request) = options.sun(up)? {
@@ -141,7 +141,7 @@ impl Heat {
         self.warnings.clone()
     }
 
-    /// Surfaces, balance and quality, as the program prints them.
+    /// Returns surfaces, balance and quality, as the program prints them.
     #[getter]
     fn record(&self) -> String {
         let model = self.factors.model.lock();
@@ -149,7 +149,7 @@ impl Heat {
         serde_json::to_string(&document).unwrap_or_default()
     }
 
-    /// The quantities of each patch, by name.
+    /// Returns the quantities of each patch, by name.
     fn patches<'py>(&self, py: Python<'py>) -> Vec<(&'static str, Bound<'py, PyArray1<f64>>)> {
         let columns = self.study.heat.patches.iter();
         columns
@@ -157,7 +157,7 @@ impl Heat {
             .collect()
     }
 
-    /// Writes a file, in the format that its ending names.
+    /// Writes a file, in the format of its ending.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let call = Call {
             settings: self.settings.clone(),

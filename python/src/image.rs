@@ -29,7 +29,7 @@ pub(crate) struct Image {
     pub(crate) warnings: Vec<String>,
 }
 
-/// Takes from where an image is seen.
+/// Takes the options of the view of an image.
 pub(crate) fn view(options: &Options<'_>) -> PyResult<ViewRequest> {
     let vector = |name: &str| Ok::<_, PyErr>(options.take::<[f64; 3]>(name)?.map(DVec3::from_array));
     Ok(ViewRequest {
@@ -46,7 +46,7 @@ pub(crate) fn view(options: &Options<'_>) -> PyResult<ViewRequest> {
     })
 }
 
-/// How an image is to be rendered, whatever its view.
+/// The settings of an image, for any view.
 pub(crate) struct Wanted {
     flat: bool,
     direct: Option<DirectMethod>,
@@ -56,7 +56,7 @@ pub(crate) struct Wanted {
 }
 
 impl Wanted {
-    /// Takes how an image is rendered; `is_own`: what it shows can be shown patch by patch alone.
+    /// Takes the options of an image; with `is_own`, its light can only be shown patch by patch.
     pub(crate) fn of(py: Python<'_>, options: &Options<'_>, is_own: bool) -> PyResult<Self> {
         let flat = options.take::<bool>("flat")?;
         if is_own && flat == Some(false) {
@@ -93,7 +93,7 @@ impl Wanted {
         })
     }
 
-    /// Returns the settings for a view of light that has no direct part of its own.
+    /// Returns the settings for a view of light without a direct part.
     pub(crate) fn settings_without_direct(&self, is_unfolded: bool) -> RenderSettings {
         RenderSettings {
             direct: DirectMethod::Off,
@@ -196,7 +196,7 @@ impl Image {
         self.image.layers().iter().map(|layer| layer.name.clone()).collect()
     }
 
-    /// A layer of floats, \[h, w\]; `None` of one of another kind.
+    /// Returns a layer of floats, \[h, w\]; `None` for one of another kind.
     fn floats<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyArray2<f32>>>> {
         let samples = self.image.f32(name);
         let size = [self.image.height(), self.image.width()];
@@ -205,7 +205,7 @@ impl Image {
             .transpose()
     }
 
-    /// A layer of ids, \[h, w\]; the greatest number where nothing is seen.
+    /// Returns a layer of ids, \[h, w\]; `None` for one of another kind. Background has the greatest number.
     fn ids<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyArray2<u32>>>> {
         let layer = self.image.layers().iter().find(|layer| layer.name == name);
         let size = [self.image.height(), self.image.width()];

@@ -1,6 +1,6 @@
 //! The compiled part of the Python package `radiosity`: the typed calls of `radiosity::workflow` on NumPy's arrays.
 //!
-//! `radiosity/*.py` checks shapes and values, and has the documentation; nothing here is public by itself. A row of a matrix of form factors is from i to j, here too.
+//! `radiosity/*.py` checks shapes and values, and has the documentation; nothing here is public by itself. As in the library, row i of a matrix of form factors is from patch i.
 
 mod arrays;
 mod call;

@@ -29,7 +29,7 @@ use crate::voxels::VoxelSolution;
 /// A model that calls share, one at a time.
 pub(crate) struct Shared {
     model: Mutex<workflow::Model>,
-    /// The settings that results from it have.
+    /// The settings of results from it.
     pub(crate) settings: Settings,
 }
 
@@ -44,7 +44,7 @@ pub(crate) struct Model {
     pub(crate) shared: Arc<Shared>,
 }
 
-/// Returns the settings for a call about a model, and notes what goes along with it.
+/// Returns the context of a call about a model.
 pub(crate) fn call(progress: Option<Py<PyAny>>, settings: &Settings) -> Call {
     Call {
         progress,
@@ -77,7 +77,9 @@ fn made(
 
 #[pymethods]
 impl Model {
-    /// Makes a model from arrays; `ends`: where the corners of each face end; `names`: of the surfaces, none where faces are parted at creases.
+    /// Makes a model from arrays.
+    ///
+    /// `ends` are the ends of the corners of each face; `names` are those of the surfaces, none to divide faces at creases.
     #[staticmethod]
     #[expect(clippy::too_many_arguments, reason = "one for each array")]
     fn from_arrays(
@@ -183,7 +185,7 @@ impl Model {
         PyArray1::from_vec(py, surfaces.collect())
     }
 
-    /// Centroids and normals of the patches, \[n, 3\] each.
+    /// Returns centroids and normals of the patches, \[n, 3\] each.
     #[getter]
     fn patch_frame<'py>(&self, py: Python<'py>) -> PyResult<(Numbers<'py>, Numbers<'py>)> {
         let model = self.shared.lock();
@@ -195,7 +197,7 @@ impl Model {
         Ok((table(py, centroids, 3)?, table(py, normals, 3)?))
     }
 
-    /// Vertices \[v, 3\], the corners of all patches one after another, and where those of each end.
+    /// Returns vertices \[v, 3\], the corners of all patches one after another, and the end of the corners of each.
     #[expect(clippy::type_complexity, reason = "three arrays")]
     fn geometry<'py>(
         &self,
@@ -219,7 +221,7 @@ impl Model {
         ))
     }
 
-    /// ρ and E of the patches, \[n, c\].
+    /// Returns ρ and E of the patches, \[n, c\].
     fn materials<'py>(&self, py: Python<'py>) -> PyResult<(Numbers<'py>, Numbers<'py>)> {
         let (reflectance, exitance) = self.shared.lock().materials();
         Ok((
@@ -247,7 +249,7 @@ impl Model {
         let shared = &self.shared;
         let done = call.run(py, |cx| {
             let mut model = shared.lock();
-            // With errors and reciprocity as the solvers want them: the same form factors serve all that follows.
+            // Errors and reciprocity fit the solvers, so the same form factors serve all later steps.
             let study = model.form_factors(&request, radiosity::matrix::Need::Light { gains: true }, cx)?;
             cx.judge_leaking_exchange();
             Ok(study)
@@ -403,7 +405,7 @@ impl Model {
         crate::voxels::solve(py, &self.shared, &Options::new(options)?, progress)
     }
 
-    /// Finds temperatures and net fluxes; `boundary`: its entries in TOML and what messages call them.
+    /// Computes temperatures and net fluxes; `boundary` has its entries in TOML with their names for messages.
     fn heat(
         &self,
         py: Python<'_>,
@@ -416,7 +418,7 @@ impl Model {
         crate::heat::heat(py, &self.shared, factors, boundary, &Options::new(options)?, progress)
     }
 
-    /// Finds light, or with `boundary` heat, at every time of a path of the sun.
+    /// Computes light, or with `boundary` heat, at every time of a path of the sun.
     fn along_sun_path<'py>(
         &self,
         py: Python<'py>,
@@ -431,7 +433,7 @@ impl Model {
         crate::sun_path::along(py, (&self.shared, factors), table, boundary, &options, progress)
     }
 
-    /// Gebhart factors and conductors between the nodes of a thermal network, the surroundings last.
+    /// Returns Gebhart factors and conductors between the nodes of a thermal network, the surroundings last.
     #[expect(clippy::type_complexity, reason = "arrays with the names of their rows")]
     fn exchange_factors<'py>(
         &self,
@@ -453,7 +455,7 @@ impl Model {
         crate::heat::exchange_factors(py, (&self.shared, factors), boundary, by_patches, &options, progress)
     }
 
-    /// Looks from free points.
+    /// Returns the views from free points.
     #[expect(clippy::type_complexity, reason = "columns by name")]
     fn points<'py>(
         &self,
@@ -509,7 +511,7 @@ impl Model {
     }
 }
 
-/// Returns what points see beside the surfaces, by name; not a number where it is not known.
+/// Returns the results of points besides those of surfaces, by name; NaN if unknown.
 fn columns(views: &[PointView]) -> Vec<(&'static str, Vec<f64>)> {
     type Pick = fn(&PointView) -> Option<Stated>;
     let picks: [(&str, &str, Pick); 7] = [

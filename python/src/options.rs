@@ -1,4 +1,4 @@
-//! Settings as Python names them.
+//! Reads settings by their names in Python.
 
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
@@ -20,7 +20,7 @@ use radiosity::workflow::{
 
 use crate::error::bad_argument;
 
-/// Named settings of a call: each is taken out once, and what is left over is refused.
+/// Named settings of a call: each is taken once, and those left over are refused.
 pub(crate) struct Options<'py> {
     given: Bound<'py, PyDict>,
 }
@@ -34,7 +34,7 @@ impl<'py> Options<'py> {
         self.given.py()
     }
 
-    /// Takes a setting; `None` where it is not given or None.
+    /// Takes a setting; `None` if it is absent or None.
     pub(crate) fn take<T>(&self, name: &str) -> PyResult<Option<T>>
     where
         T: for<'a> FromPyObject<'a, 'py, Error: Into<PyErr>>,
@@ -56,7 +56,7 @@ impl<'py> Options<'py> {
         })
     }
 
-    /// Takes a setting that is one of some names.
+    /// Takes a setting that has one of some names.
     pub(crate) fn choice<T: Copy>(&self, name: &str, known: &[(&str, T)]) -> PyResult<Option<T>> {
         let Some(text) = self.take::<String>(name)? else {
             return Ok(None);
@@ -106,7 +106,7 @@ impl<'py> Options<'py> {
                 }
             };
             if let Some(value) = value {
-                // Of a value in range the text is one that the setting reads.
+                // The text of a value in range is one that the setting reads.
                 let checked = setting.parse(&value.to_string());
                 let checked = checked.map_err(|wrong| bad_argument(self.py(), &format!("{name}: {wrong}")))?;
                 values.set(setting, checked);
@@ -115,7 +115,7 @@ impl<'py> Options<'py> {
         Ok(values)
     }
 
-    /// Refuses settings that nobody took.
+    /// Refuses settings that were not taken.
     pub(crate) fn finish(&self) -> PyResult<()> {
         match self.given.keys().iter().next() {
             Some(name) => Err(bad_argument(self.py(), &format!("{name}: there is no such setting"))),
@@ -123,7 +123,7 @@ impl<'py> Options<'py> {
         }
     }
 
-    /// Takes how a scene is read.
+    /// Takes the options for reading a scene.
     pub(crate) fn reading(&self) -> PyResult<LoadOptions> {
         let format = self.take::<String>("format")?;
         let known = format.as_deref().map(Format::named);
@@ -176,7 +176,7 @@ impl<'py> Options<'py> {
         Ok(self.take::<Vec<String>>("flip")?.map_or(Flip::Nothing, Flip::Surfaces))
     }
 
-    /// Takes how faces are cut into patches.
+    /// Takes the subdivision of faces.
     pub(crate) fn mesh(&self) -> PyResult<MeshOptions> {
         let (parts, length) = (self.count("subdivide")?, self.positive("max_edge")?);
         let subdivision = match (parts, length) {
@@ -195,7 +195,7 @@ impl<'py> Options<'py> {
         })
     }
 
-    /// Takes what form factors are asked for; `tolerance` is the name of their tolerance.
+    /// Takes the request for form factors, for the steps after them.
     pub(crate) fn form_factors(&self, then: Afterwards) -> PyResult<FormFactorRequest> {
         let balances = [
             ("auto", Balance::Auto),
@@ -222,7 +222,7 @@ impl<'py> Options<'py> {
         })
     }
 
-    /// Takes whether the scene is closed.
+    /// Takes the statement whether the scene is closed.
     pub(crate) fn closure(&self) -> PyResult<Closure> {
         Ok(match self.take::<bool>("closed")? {
             None => Closure::Detect,
@@ -231,13 +231,13 @@ impl<'py> Options<'py> {
         })
     }
 
-    /// Takes a table of settings; an empty one where it is not given.
+    /// Takes a table of settings; an empty one if it is absent.
     pub(crate) fn table(&self, name: &str) -> PyResult<Self> {
         let table = self.take::<Bound<'py, PyDict>>(name)?;
         Self::new(&table.unwrap_or_else(|| PyDict::new(self.py())))
     }
 
-    /// Takes what form factors may use.
+    /// Takes the memory limit and the storage of form factors.
     pub(crate) fn memory(&self) -> PyResult<Memory> {
         let storages = [
             ("auto", Storage::Auto),
@@ -255,7 +255,7 @@ impl<'py> Options<'py> {
         })
     }
 
-    /// Takes how a system is solved.
+    /// Takes the request for a solution.
     pub(crate) fn solver(&self) -> PyResult<SolveRequest> {
         let starts = [
             ("exitance", Start::Exitance),
@@ -331,14 +331,14 @@ impl<'py> Options<'py> {
     }
 }
 
-/// Returns the strength of three channels that is refused if one is: not a number, negative, or the greatest.
+/// Returns a channel that is refused if any is: NaN, negative, or the greatest.
 fn worst(channels: [f64; 3]) -> f64 {
     let is_wrong = |value: &f64| value.is_nan() || *value < 0.0;
     let greatest = channels.into_iter().fold(0.0, f64::max);
     channels.into_iter().find(is_wrong).unwrap_or(greatest)
 }
 
-/// Returns a value on one line, of which a long one shows its start.
+/// Returns a value on one line, cut if it is long.
 fn shown(value: &Bound<'_, PyAny>) -> String {
     const LONGEST: usize = 60;
     let text = value.to_string();

@@ -19,9 +19,9 @@ pub(crate) struct Solution {
     pub(crate) reflectance: Block,
     pub(crate) exitance: Block,
     pub(crate) factors: Arc<Study>,
-    /// The solver that was asked for.
+    /// The name of the requested solver.
     pub(crate) solver: String,
-    /// Whether reflectance and exitance are others than the scene's.
+    /// True if reflectance and exitance are not those of the scene.
     pub(crate) is_own: bool,
     /// Sun and sky, as far as they shine.
     pub(crate) daylight: Daylight,
@@ -66,13 +66,13 @@ impl Solution {
         array(py, &self.exitance)
     }
 
-    /// The error of the radiosity by form factors, solver aside.
+    /// Returns the error of the radiosity by form factors, without that of the solver.
     #[getter]
     fn error<'py>(&self, py: Python<'py>) -> PyResult<Option<Numbers<'py>>> {
         self.study.carried.as_ref().map(|error| array(py, error)).transpose()
     }
 
-    /// How the solution was reached, as the program prints it.
+    /// Returns the report of the solver, as the program prints it.
     #[getter]
     fn record(&self) -> String {
         let model = self.factors.model.lock();
@@ -80,26 +80,26 @@ impl Solution {
         serde_json::to_string(&record).unwrap_or_default()
     }
 
-    /// The flows of power of each channel, as the program prints them.
+    /// Returns the flows of power of each channel, as the program prints them.
     #[getter]
     fn energy(&self) -> String {
         serde_json::to_string(&self.study.solution.energy).unwrap_or_default()
     }
 
-    /// What a coarser mesh would change, as the program prints it.
+    /// Returns the change by a coarser mesh, as the program prints it.
     #[getter]
     fn mesh_error(&self) -> String {
         serde_json::to_string(&self.study.mesh_error).unwrap_or_default()
     }
 
-    /// The area mean of the radiosity of each surface, \[s, c\].
+    /// Returns the area mean of the radiosity of each surface, \[s, c\].
     fn surface_means<'py>(&self, py: Python<'py>) -> PyResult<Numbers<'py>> {
         let radiosity = &self.study.solution.radiosity;
         let means = self.factors.model.lock().surface_means(radiosity);
         table(py, means.concat(), radiosity.n_channels())
     }
 
-    /// The lit fraction of each patch with its error, and the irradiance straight from the sun with its error, \[n, c\].
+    /// Returns the lit fraction of each patch with its error, and the irradiance straight from the sun with its error, \[n, c\].
     #[expect(clippy::type_complexity, reason = "four arrays")]
     fn sunlit<'py>(
         &self,
@@ -123,7 +123,7 @@ impl Solution {
         )))
     }
 
-    /// Writes a file, in the format that its ending names.
+    /// Writes a file, in the format of its ending.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let call = Call {
             settings: self.settings.clone(),

@@ -20,7 +20,7 @@ use crate::heat::{Given, lit, read};
 use crate::model::{Shared, call};
 use crate::options::Options;
 
-/// Times, times as texts, the document as the program prints it, and the quantities of the patches: what changes has a first axis for the times.
+/// Times, times as texts, the document as the program prints it, and the quantities of the patches; those that vary have a first axis for the times.
 pub(crate) type Along<'py> = (
     Bound<'py, PyArray1<f64>>,
     Vec<String>,
@@ -28,7 +28,7 @@ pub(crate) type Along<'py> = (
     Vec<(String, Bound<'py, PyArray<f64, IxDyn>>)>,
 );
 
-/// A table of where the sun stands: a file, or rows of time, x, y, z and irradiance.
+/// A table of the sun's positions: a file, or rows of time, x, y, z and irradiance.
 pub(crate) type Table<'py> = (Option<PathBuf>, Option<PyReadonlyArray2<'py, f64>>);
 
 /// The results along a path.

@@ -30,7 +30,7 @@ pub(crate) struct VoxelSolution {
     warnings: Vec<String>,
 }
 
-/// Takes how light is found.
+/// Takes the method that finds light.
 fn light(py: Python<'_>, options: &Options<'_>) -> PyResult<VoxelLight> {
     let forms = [("jacobi", Form::Jacobi), ("in-place", Form::InPlace)];
     let (passes, form) = (options.count("passes")?, options.choice("form", &forms)?);
@@ -156,7 +156,7 @@ impl VoxelSolution {
         self.warnings.clone()
     }
 
-    /// Voxels, links and surfaces, as the program prints them.
+    /// Returns voxels, links and surfaces, as the program prints them.
     #[getter]
     fn record(&self) -> String {
         let model = self.shared.lock();
@@ -164,7 +164,7 @@ impl VoxelSolution {
         serde_json::to_string(&document).unwrap_or_default()
     }
 
-    /// The centres of the surfels' voxels, \[n, 3\].
+    /// Returns the centres of the surfels' voxels, \[n, 3\].
     #[getter]
     fn centre<'py>(&self, py: Python<'py>) -> PyResult<Numbers<'py>> {
         let grid = &self.study.voxels.grid;
@@ -201,7 +201,7 @@ impl VoxelSolution {
         array(py, &self.study.irradiance)
     }
 
-    /// Renders the surfaces that the voxels stand for, or the voxels themselves.
+    /// Renders the surfaces that the voxels represent, or the voxels themselves.
     fn render(&self, py: Python<'_>, options: &Bound<'_, PyDict>, progress: Option<Py<PyAny>>) -> PyResult<Image> {
         let options = Options::new(options)?;
         let seen = view(&options)?;

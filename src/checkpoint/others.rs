@@ -1,4 +1,4 @@
-//! The checkpoints that other ranks write, or ranks of earlier runs wrote.
+//! The checkpoints of other ranks, and of ranks of earlier runs.
 
 use std::fs::File;
 use std::io::Read;
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use super::records::{HEAD, LAYOUT, Pieces, whole_records};
 
-/// A file that another rank writes or wrote, as it was when it was opened.
+/// The checkpoint of another rank, as it was when opened.
 #[derive(Debug)]
 pub(super) struct Other {
     pub(super) path: PathBuf,
@@ -17,7 +17,7 @@ pub(super) struct Other {
 }
 
 impl Other {
-    /// Opens a file if it is a checkpoint of the work that `key` stands for.
+    /// Opens a file if it is a checkpoint of the work with this `key`.
     pub(super) fn open(path: PathBuf, key: &[u8; 32], is_left: bool) -> Option<Self> {
         let mut file = File::open(&path).ok()?;
         let mut head = Vec::new();
@@ -35,7 +35,7 @@ impl Other {
     }
 }
 
-/// Returns the file of a rank of several.
+/// Returns the file of one of several ranks.
 pub(super) fn file_of_rank(path: &Path, rank: usize) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(format!(".{rank}"));

@@ -6,10 +6,10 @@ use std::io::{self, Read, Seek, SeekFrom};
 
 pub(super) const LAYOUT: &[u8; 24] = b"radiosity checkpoint 02\n";
 
-/// Bytes of a file before its records.
+/// The bytes of a file before its records.
 pub(super) const HEAD: u64 = 56;
 
-/// Bytes of a record beside its content.
+/// The bytes of a record beside its content.
 pub(super) const RECORD: u64 = 20;
 
 /// The bits of a piece's number within its part.
@@ -18,10 +18,10 @@ pub(super) const PIECE_BITS: u32 = 40;
 /// The piece that is the key of a part.
 pub(super) const PART_KEY: u64 = (1 << PIECE_BITS) - 1;
 
-/// Where the content of each piece begins, and its length.
+/// The place and the length of the content of each piece.
 pub(super) type Pieces = BTreeMap<u64, (u64, u64)>;
 
-/// Returns the content of a piece, or `None` if the file has none, or none that can be read as it was written.
+/// Returns the content of a piece, or `None` if it is missing or damaged.
 pub(super) fn content(file: &mut File, pieces: &Pieces, k: u64) -> Option<Vec<u8>> {
     let (start, length) = *pieces.get(&k)?;
     // The length has been checked against the file's.
@@ -38,7 +38,7 @@ pub(super) fn in_part(part: u32, k: u64) -> u64 {
     u64::from(part) << PIECE_BITS | k
 }
 
-/// Notes a record; the key of a part ends all that was known of it.
+/// Adds a record; the key of a part removes all earlier pieces of this part.
 pub(super) fn insert(pieces: &mut Pieces, k: u64, place: (u64, u64)) {
     if k & PART_KEY == PART_KEY {
         let part = k >> PIECE_BITS;
@@ -55,7 +55,7 @@ pub(super) fn checksum(k: u64, content: &[u8]) -> u32 {
     hasher.finalize()
 }
 
-/// Returns where the content of every whole record begins and how long it is, and where the last one ends.
+/// Returns the place and length of the content of every complete record, and the end of the last one.
 pub(super) fn whole_records(file: &mut File) -> io::Result<(Pieces, u64)> {
     let file_byte = file.metadata()?.len();
     let mut pieces = Pieces::new();
@@ -73,7 +73,7 @@ pub(super) fn whole_records(file: &mut File) -> io::Result<(Pieces, u64)> {
         if length > file_byte - end - RECORD {
             break;
         }
-        // Read through, not into memory: a record may be long, and a damaged one may claim to be.
+        // The content is streamed: a record may be long, and a damaged one may claim to be.
         let mut hasher = crc32fast::Hasher::new();
         hasher.update(&head);
         let mut left = length;

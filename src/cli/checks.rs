@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use crate::printable::counted;
 use crate::workflow::{FormFactorStudy, Model};
 
-/// Adds the line that says how many patches there are.
+/// Adds the line with the number of patches.
 pub(super) fn describe_patches(text: &mut String, model: &Model) {
     let (n_patches, n_surfaces) = (model.mesh.n_patches(), model.scene.surfaces.len());
     let _ = writeln!(text, "{n_patches} patches on {}", counted(n_surfaces, "surface"));

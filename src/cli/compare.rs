@@ -1,4 +1,4 @@
-//! `radiosity compare`.
+//! The command `radiosity compare`.
 
 use std::path::PathBuf;
 
@@ -74,7 +74,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     };
     run.cx.judge_leaking_exchange();
     let report = subject.report(&parts, &storage);
-    // Before the plots are drawn, which the limit of memory is not for.
+    // The document is made before the plots are drawn, which are not part of the memory limit.
     let of_scene = OfScene::new(
         &model,
         &run.cx,
@@ -128,7 +128,7 @@ fn sweeps(names: &[String]) -> Result<Vec<&'static Sweep>, Failure> {
     names.iter().map(of_name).collect()
 }
 
-/// Reads the scene file, or builds the built-in scene of that name where there is no such file.
+/// Reads the scene file, or builds the built-in scene of that name if there is no such file.
 fn prepare(run: &mut Run, args: &CompareArgs) -> Result<Model, Failure> {
     let name = args.scene.to_string_lossy();
     if args.scene.exists() {

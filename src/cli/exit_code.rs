@@ -10,7 +10,7 @@ pub enum ExitCode {
     Error = 1,
     /// A usage error.
     Usage = 2,
-    /// Not converged, a budget spent above the tolerance, form factors not exact enough to state an error, or too much light leaks.
+    /// Not converged, a budget spent above the tolerance, form factors too inaccurate to state an error, or too much light leaks.
     NotConverged = 3,
     /// A check outside its tolerance.
     CheckFailed = 4,
@@ -21,7 +21,7 @@ pub enum ExitCode {
 }
 
 impl ExitCode {
-    /// Returns the exit code of this number, as other ranks pass it on.
+    /// Returns the exit code of a number, as received from other ranks.
     pub(super) fn of(code: u8) -> Self {
         let all = [
             Self::Done,

@@ -1,4 +1,4 @@
-//! How a command ends when it does not end well: one line, one exit code, one JSON document.
+//! Failures of a command: one line, one exit code, one JSON document.
 
 use std::path::PathBuf;
 
@@ -16,14 +16,14 @@ use crate::solver::SolverError;
 use crate::voxel::VoxelError;
 use crate::workflow::{Parameter, WorkflowError};
 
-/// An error as the user sees it.
+/// An error for the user.
 #[derive(Clone, Debug)]
 pub(super) struct Failure {
     /// A stable name of the kind, snake_case.
     pub(super) kind: &'static str,
-    /// One line: what is wrong, where, and what to do.
+    /// One line: the fault, the place, and the remedy.
     pub(super) message: String,
-    /// The file that is at fault.
+    /// The file at fault.
     pub(super) file: Option<PathBuf>,
     /// The line of that file.
     pub(super) line: Option<u32>,
@@ -51,7 +51,7 @@ impl Failure {
         }
     }
 
-    /// Returns the end of work that a signal stopped; which one it was, [`Interrupt`](super::interrupt::Interrupt) knows.
+    /// Returns the failure of work that a signal stopped; [`Interrupt`](super::interrupt::Interrupt) provides the signal.
     pub(super) fn interrupted() -> Self {
         Self {
             code: ExitCode::Interrupted,
@@ -59,7 +59,7 @@ impl Failure {
         }
     }
 
-    /// Adds the file that is at fault.
+    /// Adds the file at fault.
     #[must_use]
     pub(super) fn in_file(mut self, file: impl Into<PathBuf>) -> Self {
         self.file = Some(file.into());
@@ -80,7 +80,7 @@ impl Failure {
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Self {
         let code = match error.kind {
-            // These name a flag's or an argument's value, and no file.
+            // These concern the value of a flag or an argument, and no file.
             SceneErrorKind::UnknownBuiltin { .. }
             | SceneErrorKind::NoLevels { .. }
             | SceneErrorKind::LevelTooHigh { .. }
@@ -196,7 +196,7 @@ impl From<CheckpointError> for Failure {
     }
 }
 
-/// Returns how the command line writes a parameter.
+/// Returns a parameter in the syntax of the command line.
 pub(super) fn flag(parameter: Parameter, value: Option<&str>) -> String {
     match (parameter, value) {
         (Parameter::CutAtWalls, _) => "--no-cut".to_owned(),

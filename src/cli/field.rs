@@ -1,4 +1,4 @@
-//! `radiosity field`.
+//! The command `radiosity field`.
 
 use std::fmt::Write as _;
 use std::num::NonZeroU32;

@@ -1,4 +1,4 @@
-//! The files of a command: what it writes takes the place of nothing else that it writes, reads or goes on from.
+//! Checks that the files that a command writes differ from all others that it writes, reads or continues from.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use crate::report::form_factors::files_of;
 use crate::scene::{Format, companions_of};
 use crate::whole_file;
 
-/// The files of a command, each with what it is.
+/// The files of a command, each with its description.
 #[derive(Default)]
 pub(super) struct FileSet {
     written: Vec<(String, PathBuf)>,
@@ -25,14 +25,14 @@ impl FileSet {
         self
     }
 
-    /// Adds a picture that is written, and the preview beside it; `what` as in "output".
+    /// Adds an image and its preview as written files; `what` as in "output".
     pub(super) fn writes_picture(&mut self, what: &str, path: &Path) -> &mut Self {
         let preview = path.with_extension("png");
         self.writes(format!("the {what}"), path)
             .writes(format!("the preview of the {what}"), &preview)
     }
 
-    /// Adds form factors that are written, with the description that stands beside some.
+    /// Adds a file of written form factors, with the description beside some formats.
     pub(super) fn writes_form_factors(&mut self, path: &Path) -> &mut Self {
         for (file, what) in files_of(path)
             .iter()
@@ -43,7 +43,7 @@ impl FileSet {
         self
     }
 
-    /// Adds a file in which work is kept, so that another run goes on from there.
+    /// Adds a file that stores work for a later run.
     pub(super) fn keeps(&mut self, what: &str, path: Option<&Path>) -> &mut Self {
         self.kept.extend(path.map(|path| (what.to_owned(), path.to_owned())));
         self
@@ -71,7 +71,7 @@ impl FileSet {
         self.reads("the materials of the scene", reading.materials.as_deref())
     }
 
-    /// Refuses, before any work is done, files that cannot be written, and such as would take the place of one another.
+    /// Refuses, before any work, files that cannot be written or that would replace one another.
     pub(super) fn check<'a>(&'a self) -> Result<(), Failure> {
         for (_, path) in &self.written {
             output::expect_possible(path)?;
@@ -89,13 +89,13 @@ impl FileSet {
             Ok(())
         };
         self.written.iter().try_for_each(|file| take(file, true))?;
-        // A file that is read may be named for work too: who opens it for that refuses what is something else.
+        // A read file may be the same as one that stores work: opening the latter refuses other content.
         self.read.iter().try_for_each(|file| take(file, false))?;
         self.kept.iter().try_for_each(|file| take(file, true))
     }
 }
 
-/// Returns where a file is, or will be, by one name for each place.
+/// Returns the canonical path of an existing or future file.
 fn place(path: &Path) -> Option<PathBuf> {
     let new = || {
         let directory = std::fs::canonicalize(whole_file::directory_of(path)).ok()?;

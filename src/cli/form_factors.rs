@@ -1,4 +1,4 @@
-//! `radiosity form-factors`.
+//! The command `radiosity form-factors`.
 
 use std::fmt::Write as _;
 

@@ -1,4 +1,4 @@
-//! `radiosity render --frames`: a sequence of lightings, cameras and poses.
+//! The command `radiosity render --frames`: a sequence of lightings, cameras and poses.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -24,13 +24,13 @@ use crate::workflow::{
 
 /// The report of a sequence.
 struct Told<'a> {
-    /// The name of the solver that was asked for.
+    /// The name of the requested solver.
     solver: &'a str,
-    /// True if the text says what the form factors took.
+    /// True if the text includes the cost of the form factors.
     explain: bool,
     poses: Vec<(SolverRecord, PoseRecord)>,
     text: String,
-    /// Frames by their numbers, each with the line that says what was written.
+    /// Frames by their numbers, each with the line about its written files.
     frames: Vec<(usize, FrameRecord, String)>,
     code: ExitCode,
 }

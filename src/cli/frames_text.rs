@@ -9,7 +9,7 @@ use super::solution::solver_line;
 use crate::document::{PoseRecord, UpdateRecord};
 use crate::workflow::PoseStudy;
 
-/// Describes a pose: its frames, how its light was found, and what became of the first pose's form factors.
+/// Describes a pose: its frames, its solution, and its reuse of the first pose's form factors.
 pub(super) fn describe_pose(text: &mut String, solver: &str, study: &PoseStudy<'_>, record: &PoseRecord) {
     let lightings = match study.n_lightings {
         1 => "1 lighting".to_owned(),

@@ -1,4 +1,4 @@
-//! Signals that ask the program to end.
+//! Handles signals that ask the program to end.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -9,20 +9,23 @@ use super::failure::Failure;
 use super::ranks;
 use crate::whole_file;
 
-/// Hears SIGINT and SIGTERM. The first one is for the work to see, and ends the program within a second; the next one ends it at once.
+/// A handler of SIGINT and SIGTERM: the first signal ends the program at a safe point, or after [`GRACE`], and the next one at once.
+///
+/// Ranks other than the first wait five times as long.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Interrupt {
-    /// The signal that came, or 0.
+    /// The received signal, or 0.
     signal: Arc<AtomicUsize>,
-    /// The checkpoint, once there is one.
+    /// The checkpoint, if there is one.
     checkpoint: Arc<OnceLock<PathBuf>>,
 }
 
-/// How long work may take to reach a safe point after the first signal. A longer step, such as a factorisation or one pair of patches, is given up:
-/// a checkpoint has what was finished before.
+/// The time for work to reach a safe point after the first signal.
+///
+/// A longer step, such as a factorisation or one pair of patches, is aborted; a checkpoint has the work that was finished before.
 const GRACE: std::time::Duration = std::time::Duration::from_millis(600);
 
-/// The name and exit code of a signal.
+/// Returns the name and exit code of a signal.
 fn named(signal: usize) -> Option<(&'static str, ExitCode)> {
     match signal {
         2 => Some(("SIGINT", ExitCode::Interrupted)),
@@ -31,19 +34,21 @@ fn named(signal: usize) -> Option<(&'static str, ExitCode)> {
     }
 }
 
-/// Lets a write beyond the limit of a file's size fail like any other, where the system would end the program by SIGXFSZ: the error has its line, and temporary files go.
+/// Makes a write beyond the limit of a file's size fail like any other, where the system would end the program by SIGXFSZ.
+///
+/// The error is then reported, and temporary files are removed.
 pub(super) fn outlive_size_limits() {
     #[cfg(unix)]
     {
-        // Whoever cannot have a handler keeps what the system does. Nobody asks whether the signal came: the write tells.
+        // Without a handler the system's default applies. The flag is not read, as the write reports the error.
         let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
     }
 }
 
 impl Interrupt {
-    /// Begins to listen. If nothing is going to ask (`is_asked` false), the first signal ends the program.
+    /// Begins to listen; if the work does not check for signals (`is_asked` false), the first signal ends the program.
     ///
-    /// Where the system does not let it listen, signals end the program as they always do: files are written whole or not at all in any case.
+    /// Where the system does not allow handlers, signals end the program as usual; files are replaced atomically in any case.
     pub(super) fn listen(is_asked: bool) -> Self {
         let interrupt = Self::default();
         #[cfg(unix)]
@@ -69,7 +74,7 @@ impl Interrupt {
                         };
                         if is_first && is_asked {
                             std::thread::spawn(move || {
-                                // The first rank says how all end.
+                                // The other ranks wait longer, as the first rank reports the end for all.
                                 let others = if ranks::is_first() { 0 } else { 4 };
                                 std::thread::sleep(GRACE * (1 + others));
                                 end("before a safe point");
@@ -84,9 +89,9 @@ impl Interrupt {
         interrupt
     }
 
-    /// Notes where finished work is kept.
+    /// Records the file that stores finished work.
     pub(super) fn note_checkpoint(&self, path: &Path) {
-        // Of several it is the first: a run has one.
+        // A run has one checkpoint, so the first one counts.
         let _ = self.checkpoint.set(path.to_owned());
     }
 
@@ -95,7 +100,7 @@ impl Interrupt {
         self.signal.load(Ordering::Relaxed) != 0
     }
 
-    /// Returns how the program ends because of the signal; `kept` tells what a later run finds.
+    /// Returns the failure that the signal causes; `kept` describes what a later run finds.
     pub(super) fn failure(&self, kept: &str) -> Failure {
         let signal = self.signal.load(Ordering::Relaxed);
         let (name, code) = named(signal).unwrap_or(("a signal", ExitCode::Interrupted));

@@ -3,7 +3,9 @@
 use serde::ser::{Serialize, SerializeMap as _, SerializeSeq as _, Serializer};
 use serde_json::Value;
 
-/// A document with its members in the order of their names. A list becomes values item by item as it is written, because the times of a sun path would take gigabytes as values.
+/// A document with its members in the order of their names.
+///
+/// A list is converted item by item as it is written: the times of a sun path would take gigabytes as JSON values.
 #[derive(Default)]
 pub(super) struct JsonDocument {
     values: Value,
@@ -33,7 +35,7 @@ pub(super) fn in_order(document: &impl Serialize) -> Value {
 }
 
 impl JsonDocument {
-    /// Puts a list in the place of the member `key`.
+    /// Replaces the member `key` by a list.
     pub(super) fn with_list(self, key: &'static str, items: Vec<impl Serialize + Send + 'static>) -> Self {
         Self {
             list: Some((key, Box::new(items))),

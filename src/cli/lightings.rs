@@ -1,4 +1,4 @@
-//! `radiosity solve --lighting`: many lightings of one scene, all in the same passes over the form factors.
+//! The command `radiosity solve --lighting`: many lightings of one scene, all in the same passes over the form factors.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -11,7 +11,7 @@ use crate::document::{LightingRecord, LightingsDocument, LitSurface, Quality, So
 use crate::scene::{Lighting, Scene};
 use crate::workflow::{FormFactorStudy, LightingStudy, Model, with_suffix};
 
-/// The lightings of `solve`, with what is written for each.
+/// The lightings of `solve`, with their outputs.
 pub(super) struct Lightings {
     names: Vec<String>,
     outputs: Vec<Option<PathBuf>>,
@@ -30,7 +30,7 @@ impl Lightings {
         Ok(Self { names, outputs, all })
     }
 
-    /// Warns of lightings in which no face emits light; `files` are theirs.
+    /// Warns of lightings in which no face emits light, by their `files`.
     pub(super) fn warn_of_darkness(&self, run: &mut Run, model: &Model, files: &[PathBuf]) {
         let files = files.iter().map(|file| Some(file.as_path()));
         let lightings: Vec<_> = files.zip(self.all.iter().map(Option::as_ref)).collect();
@@ -41,7 +41,7 @@ impl Lightings {
         Lighting::greatest_reflectance(self.all.iter().flatten())
     }
 
-    /// Returns what the document has of a lighting.
+    /// Returns the record of a lighting in the document.
     fn record(&self, model: &Model, lit: &LightingStudy) -> LightingRecord {
         let solution = &lit.study.solution;
         LightingRecord {
@@ -106,7 +106,7 @@ pub(super) fn run(
     })
 }
 
-/// Returns the names of the lightings: the files' names without directory and ending, no two alike.
+/// Returns the names of the lightings: the files' names without directory and ending, which must differ.
 pub(super) fn names(files: &[PathBuf]) -> Result<Vec<String>, Failure> {
     let mut names: Vec<String> = Vec::new();
     for file in files {

@@ -1,4 +1,4 @@
-//! `radiosity completions` and `radiosity man`: what shells and readers know of the command line.
+//! The commands `radiosity completions` and `radiosity man`: descriptions of the command line for shells and for readers.
 
 use clap::Command;
 use clap_complete::Shell;

@@ -60,7 +60,7 @@ struct Outcome {
 
 /// Runs the program on its arguments (the first is the program's name) and returns its exit code.
 ///
-/// Of several ranks the first one prints, or one that failed alone; all return the same exit code.
+/// Of several ranks the first one prints, or a single one that failed; all return the same exit code.
 #[must_use]
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let arguments: Vec<OsString> = arguments.into_iter().collect();
@@ -94,13 +94,13 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     ExitCode::of(verdict.code)
 }
 
-/// True if another rank prints.
+/// True on ranks that do not print.
 static MUTE: AtomicBool = AtomicBool::new(false);
 
 /// The first defect of a rank that does not print.
 static DEFECT: Mutex<Option<String>> = Mutex::new(None);
 
-/// How the work ended: what it had to say is printed, but for a failure.
+/// The end of the work: its exit code and its unprinted failure.
 struct Answer {
     code: ExitCode,
     failure: Option<Failure>,
@@ -125,7 +125,7 @@ fn answer(arguments: &[OsString]) -> Answer {
     let common = cli.command.common();
     let json = common.is_some_and(|common| common.json);
     interrupt::outlive_size_limits();
-    // A panic is a defect of the program: one line says so, and that it is not the user's fault.
+    // A panic is a defect of the program: one line reports it as such.
     std::panic::set_hook(Box::new(|defect| {
         let text = format!("a defect of the program, please report it: {}", one_line(defect));
         if MUTE.load(Ordering::Relaxed) {
@@ -166,7 +166,7 @@ fn answer(arguments: &[OsString]) -> Answer {
     }
 }
 
-/// Returns the command line. A value may begin with a minus and a digit: what is wrong with a number, its flag knows best.
+/// Returns the command line, in which a value may begin with a minus and a digit, so that its flag reports errors in numbers.
 fn command() -> clap::Command {
     Cli::command().mut_subcommands(|command| {
         command.mut_args(|argument| {
@@ -201,7 +201,7 @@ fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
                 format!("cannot start {threads} threads: {error}; give --threads a smaller number"),
             )
         })?;
-    // Everything runs inside the pool, so that --threads holds for all stages.
+    // All stages run inside the pool, so that --threads applies to them.
     pool.install(|| match command {
         Command::Scene(a) => scene::run(a),
         Command::FormFactors(a) => form_factors::run(a),
@@ -218,7 +218,7 @@ fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
     })
 }
 
-/// Prints what was asked of clap, or returns its message as a failure.
+/// Prints the help or version, or returns clap's message as a failure.
 fn usage(error: &clap::Error, arguments: &[OsString]) -> Answer {
     use clap::error::ErrorKind;
     if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
@@ -227,7 +227,7 @@ fn usage(error: &clap::Error, arguments: &[OsString]) -> Answer {
     }
     if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         if ranks::is_first() {
-            // The whole help is the answer. Printing can only fail if stderr is closed; there is nobody left to tell.
+            // The whole help is the answer; printing only fails if stderr is closed.
             let _ = error.print();
         }
         return Answer::printed(ExitCode::Usage);
@@ -246,7 +246,7 @@ fn usage(error: &clap::Error, arguments: &[OsString]) -> Answer {
     }
 }
 
-/// Makes one line of clap's message: what is wrong, the arguments or values that it lists, and its tips; how the command is used is in its help.
+/// Returns clap's message as one line: the error, the arguments or values that it lists, and its tips, without the usage.
 fn usage_line(message: &str) -> String {
     let mut parts = message
         .lines()
@@ -279,7 +279,7 @@ fn print_document(document: &JsonDocument) -> bool {
     })
 }
 
-/// Writes a text to stdout; returns false where that failed, unless the reader closed the pipe.
+/// Writes a text to stdout; returns false if that failed, unless the reader closed the pipe.
 fn print(text: &str) -> bool {
     printed(|stdout| stdout.write_all(text.as_bytes()))
 }
@@ -299,14 +299,14 @@ fn printed(write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> bool {
     }
 }
 
-/// Returns the width of a column of names: that of the longest, but for those that would fill lines of their own.
+/// Returns the width of a column of names: the longest name, up to a limit.
 fn name_width<'a>(names: impl IntoIterator<Item = &'a str>) -> usize {
     const MOST: usize = 60;
     let lengths = names.into_iter().map(|name| name.chars().count());
     lengths.max().unwrap_or(0).min(MOST)
 }
 
-/// Returns a number for a column of a table: with six decimals where these say what it is, else in scientific notation.
+/// Returns a number for a column of a table: with six decimals in a middle range, else in scientific notation.
 fn cell(value: f64) -> String {
     let size = value.abs();
     if size > 0.0 && size.is_finite() && !(1e-3..1e5).contains(&size) {

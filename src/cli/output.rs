@@ -1,4 +1,4 @@
-//! Output files, with errors as the user sees them.
+//! Output files, with errors for the user.
 
 use std::io::{self, Write as _};
 use std::path::Path;
@@ -10,7 +10,7 @@ use crate::report::page::{Figure, Page};
 use crate::whole_file;
 use crate::workflow::Settings;
 
-/// Refuses an output that cannot be written before any work is done for it.
+/// Refuses an output that cannot be written, before any work.
 pub(super) fn expect_possible(path: &Path) -> Result<(), Failure> {
     let possible = whole_file::expect_possible(path);
     possible.map(drop).map_err(|error| unwritable(path, &error))
@@ -20,17 +20,17 @@ fn unwritable(path: &Path, error: &io::Error) -> Failure {
     Failure::new("unwritable", format!("{}: cannot be written: {error}", path.display())).in_file(path)
 }
 
-/// Makes a directory for outputs, and those above it, unless it is there.
+/// Makes a directory for outputs, and its parents, unless it exists.
 pub(super) fn make_directory(path: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(path).map_err(|error| {
         Failure::new("unwritable", format!("{}: cannot be made: {error}", path.display())).in_file(path)
     })
 }
 
-/// Adds `index.html`: a report with the plots and pictures among `files`, and what it was made with. Like the report it shows times.
+/// Adds `index.html`: a report with the plots and images among `files`, and the settings; like the report it shows times.
 pub(super) fn add_page(files: &mut Files, report: &str, settings: &Settings) {
     let title = report.lines().next().unwrap_or_default().trim_start_matches('#').trim();
-    // A plot that is there as PNG too is shown once.
+    // A plot that is also there as PNG is shown once.
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     let is_shown = |name: &str| match name.rsplit_once('.') {
         Some((_, "svg")) => true,
@@ -49,7 +49,7 @@ pub(super) fn add_page(files: &mut Files, report: &str, settings: &Settings) {
     files.push(text_file("index.html", html));
 }
 
-/// Writes files, all of them whole or none at all, without those of another process in between; returns their names, and a line that says what was written.
+/// Writes files, all or none, and locked against other processes; returns their names, and a line about them.
 pub(super) fn write_all<'a>(directory: &Path, files: &'a Files) -> Result<(Vec<&'a str>, String), Failure> {
     let mut prepared = Vec::new();
     for (name, content) in files {

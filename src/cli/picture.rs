@@ -1,4 +1,4 @@
-//! Files of pictures, as flags name them.
+//! Files of images named by flags.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,7 @@ use super::failure::Failure;
 use super::output;
 use crate::workflow::ImageFile;
 
-/// Returns the name of the preview beside a picture, if the picture can be written.
+/// Returns the name of the preview beside an image, if the image can be written.
 pub(super) fn preview_of(picture: &Path) -> Result<PathBuf, Failure> {
     let ending = picture.extension().map(std::ffi::OsStr::to_ascii_lowercase);
     if ending.is_none_or(|ending| ending != "exr") {
@@ -20,7 +20,7 @@ pub(super) fn preview_of(picture: &Path) -> Result<PathBuf, Failure> {
     Ok(picture.with_extension("png"))
 }
 
-/// Returns how a picture is written.
+/// Returns the format of an image file.
 pub(super) fn image_file(args: PictureFileArgs) -> ImageFile {
     ImageFile {
         pixels: args.pixels,

@@ -1,4 +1,4 @@
-//! `radiosity points`.
+//! The command `radiosity points`.
 
 use std::fmt::Write as _;
 

@@ -1,4 +1,4 @@
-//! Progress on stderr: a bar on a terminal, a line now and then elsewhere.
+//! Progress on stderr: a bar on a terminal, and periodic lines elsewhere.
 
 use std::io::IsTerminal;
 use std::path::Path;
@@ -13,10 +13,10 @@ use super::interrupt::Interrupt;
 use crate::progress::{Forecast, Progress};
 use crate::workflow::Warning;
 
-/// The display moves this often on a terminal, whether work is done or not.
+/// The interval of the display's updates on a terminal, whether work is done or not.
 const TICK: Duration = Duration::from_millis(250);
 
-/// Elsewhere there is a line this often.
+/// The interval of lines elsewhere.
 const LINE: Duration = Duration::from_secs(30);
 
 /// The current stage on stderr, with the time left.
@@ -25,7 +25,7 @@ pub(super) struct Bars {
     is_terminal: bool,
     interrupt: Interrupt,
     quiet: bool,
-    /// Dropped, it ends the thread that writes lines.
+    /// Ends the thread that writes lines when it is dropped.
     _lines: Option<Sender<()>>,
 }
 
@@ -37,7 +37,7 @@ struct Stage {
 }
 
 impl Bars {
-    /// Shows bars if stderr is a terminal, and lines if it is not, unless `quiet` is asked for.
+    /// Shows bars if stderr is a terminal, and lines if it is not, unless `quiet` is set.
     #[must_use]
     pub(super) fn new(quiet: bool, interrupt: Interrupt) -> Self {
         let is_terminal = !quiet && std::io::stderr().is_terminal();
@@ -66,7 +66,7 @@ impl Bars {
         }
     }
 
-    /// Writes something to stderr while the bar is away.
+    /// Writes to stderr while the bar is hidden.
     pub(super) fn aside(&self, write: impl FnOnce()) {
         locked(&self.stage).bar.suspend(write);
     }
@@ -88,7 +88,7 @@ fn style(template: &str) -> ProgressStyle {
         .progress_chars("=> ")
 }
 
-/// Returns the display of a stage of which it is not known how much there is to do.
+/// Returns the display of a stage of unknown length.
 fn spinner(name: &str) -> ProgressBar {
     let style = style("{msg:<16} {spinner} {elapsed:>5}");
     ticking(
@@ -140,7 +140,7 @@ impl Progress for Bars {
             let style = style("{msg:<16} [{bar:32}] {percent_precise:>7} % in {elapsed:>5}, {eta:>6} left");
             ticking(ProgressBar::new(total).with_style(style).with_message(name.to_owned()))
         } else {
-            // It counts, and draws nothing.
+            // A hidden bar counts, but draws nothing.
             ProgressBar::hidden()
         };
         if total > 0 {

@@ -1,4 +1,4 @@
-//! The ranks that this run is one of.
+//! The ranks of this run.
 
 use std::sync::{Arc, OnceLock};
 
@@ -7,12 +7,12 @@ use super::failure::Failure;
 use crate::ranks::{self, Alone, Ranks};
 use crate::whole_file;
 
-/// The ranks, and how many others are on this machine.
+/// The ranks, and the number of others on this machine.
 static RANKS: OnceLock<(Arc<dyn Ranks>, usize)> = OnceLock::new();
 
-/// Finds the ranks that a launcher started; all but the first write no file from now on.
+/// Finds the ranks that a launcher started; after this, all but the first write no files.
 ///
-/// Errors are the first rank's to print, which the second value tells.
+/// The second value of an error is true on the first rank, which prints it.
 pub(super) fn start() -> Result<(), (Failure, bool)> {
     let all = ranks::start().map_err(|error| (Failure::usage(error.to_string()), error.rank() == 0))?;
     if !all.is_first() {
@@ -20,7 +20,7 @@ pub(super) fn start() -> Result<(), (Failure, bool)> {
     }
     let on_each = all.on_each_host();
     let n_others = on_each[all.rank()] - 1;
-    // A program starts once.
+    // The program starts only once.
     let _ = RANKS.set((all, n_others));
     Ok(())
 }
@@ -42,14 +42,14 @@ pub(super) fn n_others() -> usize {
     RANKS.get().map_or(0, |(_, n_others)| *n_others)
 }
 
-/// Returns the number of threads where none is given, 0 for that of the cores: ranks on one machine share its cores.
+/// Returns the default number of threads, 0 for that of the cores: ranks on one machine share its cores.
 pub(super) fn default_threads() -> usize {
     let n_here = n_others() + 1;
     let cores = std::thread::available_parallelism().map_or(1, std::num::NonZeroUsize::get);
     if n_here == 1 { 0 } else { (cores / n_here).max(1) }
 }
 
-/// Refuses several ranks for what they cannot share.
+/// Refuses several ranks for work that they cannot share.
 pub(super) fn expect_shared(command: &Command) -> Result<(), Failure> {
     let n = of_run().size();
     match alone(command) {
@@ -60,7 +60,7 @@ pub(super) fn expect_shared(command: &Command) -> Result<(), Failure> {
     }
 }
 
-/// Returns what of a command runs on one rank only.
+/// Returns the part of a command that runs on one rank only.
 fn alone(command: &Command) -> Option<&'static str> {
     let on_path = "--sun-path with --checkpoint";
     let time_limit = "--time-limit";

@@ -1,4 +1,4 @@
-//! `radiosity render`.
+//! The command `radiosity render`.
 
 use std::fmt::Write as _;
 
@@ -95,7 +95,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     })
 }
 
-/// Describes the light that a picture was made from, and what final gather took.
+/// Describes the light of an image, and the cost of final gather.
 fn describe(text: &mut String, run: &Run, model: &Model, light: &ImageLight, gather: Option<&GatherReport>) {
     describe_patches(text, model);
     if let Some(factors) = &light.factors {

@@ -1,4 +1,4 @@
-//! `radiosity reproduce`.
+//! The command `radiosity reproduce`.
 
 use super::Outcome;
 use super::args::{PaperName, ReproduceArgs, parse_tables};
@@ -114,7 +114,7 @@ fn crater(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     reproduction.finish(results.findings())
 }
 
-/// Returns the level of what has levels alone; `why` names it and says why it has no use for other flags.
+/// Returns the level of a reproduction that has levels alone; `why` names it in the error about other flags.
 fn level_of(args: &ReproduceArgs, why: &str, default: u32, most: u32) -> Result<u32, Failure> {
     if args.tables.is_some() || args.seeds.is_some() || args.seed.is_some() {
         return Err(Failure::usage(format!(

@@ -1,4 +1,4 @@
-//! A paper's tables on their way into a directory.
+//! The reproduction of a paper's tables, with its directory.
 
 use std::path::PathBuf;
 
@@ -12,14 +12,14 @@ use super::run::Run;
 use super::{Outcome, output};
 use crate::experiment::findings::{Findings, Reproduced};
 
-/// A paper's tables on their way into a directory.
+/// The reproduction of a paper's tables, with its directory.
 pub(super) struct Reproduction {
     pub(super) run: Run,
     directory: PathBuf,
 }
 
 impl Reproduction {
-    /// Makes the directory before any work is done for it.
+    /// Makes the directory before any work.
     pub(super) fn new(args: &ReproduceArgs) -> Result<Self, Failure> {
         let paper = args.paper.to_possible_value();
         let paper = paper.as_ref().map_or("", |value| value.get_name());
@@ -31,7 +31,7 @@ impl Reproduction {
         Ok(Self { run, directory })
     }
 
-    /// Writes the files and says so.
+    /// Writes the files, and returns the report.
     pub(super) fn finish(self, findings: Findings<impl Serialize>) -> Result<Outcome, Failure> {
         let (printed, mut files) = (findings.printed, findings.files);
         self.run.bars.finish();

@@ -1,4 +1,4 @@
-//! A run of one command: what it was asked, what goes along with its study, and what it says at the end.
+//! A run of one command: its flags, its context, and its report.
 
 use std::cell::RefCell;
 use std::fmt::Write as _;
@@ -30,15 +30,15 @@ pub(super) struct Run {
     pub(super) cx: Context,
     pub(super) bars: Arc<Bars>,
     interrupt: Interrupt,
-    /// True if lightings follow once the scene is read, in which it may emit light although it does not by itself.
+    /// True if lightings follow after the scene is read, in which a scene without emitters may emit light.
     pub(super) has_lightings: bool,
-    /// The warning if it does not.
+    /// The warning about a scene without emitters.
     dark: Option<Warning>,
 }
 
 impl Run {
     pub(super) fn new(command: &'static str, common: &CommonArgs) -> Self {
-        // What these do is many short runs, and none of them asks whether to go on.
+        // These commands make many short runs, which do not check for interruptions.
         let interrupt = Interrupt::listen(!matches!(command, "compare" | "reproduce"));
         let quiet = common.quiet || !ranks::is_first();
         let bars = Arc::new(Bars::new(quiet, interrupt.clone()));
@@ -60,7 +60,7 @@ impl Run {
         }
     }
 
-    /// Takes over what flags say of memory and checkpoint, and what is known of the work after the form factors.
+    /// Sets memory and checkpoint from flags, and the demands of the steps after the form factors.
     pub(super) fn expect(&mut self, storage: &StorageArgs, demand: Demand) {
         self.cx.memory = storage.memory.memory();
         self.cx.memory.n_others = ranks::n_others();
@@ -68,7 +68,7 @@ impl Run {
         self.cx.demand = demand;
     }
 
-    /// Returns what is asked of form factors; `tolerance` is that of another flag.
+    /// Returns the request for form factors; `tolerance` is that of another flag.
     pub(super) fn request(&self, method: &MethodArgs, tolerance: Option<f64>, then: Afterwards) -> FormFactorRequest {
         FormFactorRequest {
             explain: self.common.explain,
@@ -76,12 +76,12 @@ impl Run {
         }
     }
 
-    /// Warns of what only the program knows.
+    /// Adds a warning of the program itself.
     pub(super) fn warn(&self, message: &str) {
         self.cx.warn(Warning::Other(message.to_owned()));
     }
 
-    /// Reads a scene, if that stays below the limit of memory, cuts it into patches and builds the ray tracer's tree. Without arguments for patches these play no part.
+    /// Reads a scene within the memory limit, cuts it into patches and builds the ray tracer's tree; without arguments for patches, these are not used.
     pub(super) fn prepare(
         &mut self,
         path: &Path,
@@ -113,7 +113,7 @@ impl Run {
         self.prepare_scene(path, scene, mesh_args, default)
     }
 
-    /// Cuts a scene into patches and builds the ray tracer's tree; `path` is what messages call it.
+    /// Cuts a scene into patches and builds the ray tracer's tree; messages call it `path`.
     pub(super) fn prepare_scene(
         &mut self,
         path: &Path,
@@ -138,7 +138,7 @@ impl Run {
         Ok(model)
     }
 
-    /// Warns of lightings in which no face emits light, each with its file; without a file it is the scene's own.
+    /// Warns of lightings in which no face emits light, each with its file; `None` stands for the scene's own.
     pub(super) fn warn_of_darkness(&mut self, model: &Model, lightings: &[(Option<&Path>, Option<&Lighting>)]) {
         for (file, lighting) in lightings {
             match (file, lighting) {
@@ -153,8 +153,9 @@ impl Run {
         }
     }
 
-    /// Ends the run: work that is done needs its checkpoint no more, and a failure by a signal says which signal it was and what the same
-    /// command finds when it is given again.
+    /// Ends the run: removes the checkpoint of finished work, and completes a failure by a signal.
+    ///
+    /// Such a failure names the signal and the work that the same command finds when it is run again.
     pub(super) fn ended(&mut self, result: Result<Outcome, Failure>) -> Result<Outcome, Failure> {
         let failure = match result {
             Ok(outcome) => {
@@ -178,7 +179,7 @@ impl Run {
         Err(self.interrupt.failure(&kept))
     }
 
-    /// Returns the exit code of a run that is to end with `code`: a broken law counts if the run is strict, and light that leaks.
+    /// Returns the exit code of a run with the code `code`, after failed checks in a strict run and light leaks.
     pub(super) fn judged(&self, code: ExitCode, strict: bool) -> ExitCode {
         match code {
             _ if strict && !self.cx.audit.passed() => ExitCode::CheckFailed,
@@ -187,7 +188,7 @@ impl Run {
         }
     }
 
-    /// Adds the line that says how the audit went.
+    /// Adds the line about the audit.
     pub(super) fn describe_audit(&self, text: &mut String) {
         let n_broken = self.cx.audit.violations().count();
         let n = self.cx.audit.checks.len();
@@ -202,7 +203,7 @@ impl Run {
         };
     }
 
-    /// Adds the line of the checks of form factors, and with `--explain` the work and memory that they took.
+    /// Adds the line of the checks of form factors, and with `--explain` their cost and memory.
     pub(super) fn describe_form_factors(&self, text: &mut String, computed: &FormFactorStudy) {
         describe_checks(text, computed);
         if self.common.explain {
@@ -247,7 +248,7 @@ impl Run {
         text
     }
 
-    /// Adds the line that says where the time went.
+    /// Adds the line about the times.
     pub(super) fn describe_times(&self, text: &mut String) {
         let times = self.cx.times();
         let total = times.total_s();
@@ -263,14 +264,14 @@ impl Run {
         let _ = writeln!(text);
     }
 
-    /// Returns the document of a command, with the peak of the memory up to now.
+    /// Returns the document of a command, with the peak of the memory so far.
     pub(super) fn typed_document<T>(&self, result: T) -> Document<'_, T> {
         let warnings = self.cx.warnings();
         let warnings = warnings.iter().map(|warning| printable_message(&warning.text(&flag)));
         Document::new(self.command, &self.cx, warnings.collect(), result)
     }
 
-    /// Returns the document of a command; without `--json`, which alone prints it, it is null: that of many times takes gigabytes.
+    /// Returns the document of a command; null without `--json`, as documents of many times take gigabytes.
     pub(super) fn document(&self, result: impl Serialize) -> JsonDocument {
         if self.common.json {
             in_order(&self.typed_document(result)).into()
@@ -279,7 +280,7 @@ impl Run {
         }
     }
 
-    /// Returns the document of a command that prepared a scene: with what was left out, and what was chosen.
+    /// Returns the document of a command that prepared a scene, with the omitted steps and the choices.
     pub(super) fn document_of(&self, model: &Model, result: impl Serialize) -> JsonDocument {
         self.document(OfScene::new(model, &self.cx, self.common.explain, result))
     }

@@ -1,4 +1,4 @@
-//! `radiosity scene`.
+//! The command `radiosity scene`.
 
 use std::fmt::Write as _;
 
@@ -15,7 +15,7 @@ use crate::scene::{builtin, write_obj};
 pub(super) fn run(args: &SceneArgs) -> Result<Outcome, Failure> {
     let built = builtin::build(&args.name, args.level)?;
     write_obj(&built.scene, &args.output)?;
-    // A camera that is there already is the user's own, or belongs to another scene of the folder.
+    // An existing camera is the user's own, or belongs to another scene of the folder.
     let camera_file = args.output.with_file_name("camera.toml");
     let is_left = camera_file.exists();
     let written_camera = match &built.camera {

@@ -1,4 +1,4 @@
-//! The text that the program prints about a solution, and the exit code that it deserves.
+//! The text that the program prints about a solution, and its exit code.
 
 use std::fmt::Write as _;
 
@@ -8,7 +8,7 @@ use crate::printable::{counted, printable};
 use crate::solver::{Solution, StopReason};
 use crate::workflow::{FormFactorStudy, MeshError, Model, NO_SOLVER, SolutionStudy, TotalError};
 
-/// Returns the exit code that a solution, the form factors that it is from, and what they say of its error deserve.
+/// Returns the exit code for a solution, its form factors, and its stated error.
 pub(super) fn code(solution: &Solution, computed: Option<&FormFactorStudy>, stated: TotalError) -> ExitCode {
     if solution.stop_reason == StopReason::Converged && stated != TotalError::TooGreat {
         code_of(computed)
@@ -17,7 +17,7 @@ pub(super) fn code(solution: &Solution, computed: Option<&FormFactorStudy>, stat
     }
 }
 
-/// Returns the exit code that form factors deserve: that of work which falls short of what was asked for.
+/// Returns the exit code for form factors: not converged if they fall short of the request.
 pub(super) fn code_of(computed: Option<&FormFactorStudy>) -> ExitCode {
     match computed {
         Some(computed) if !computed.is_done() => ExitCode::NotConverged,
@@ -25,7 +25,7 @@ pub(super) fn code_of(computed: Option<&FormFactorStudy>) -> ExitCode {
     }
 }
 
-/// Returns the line that says which solver did the work, and how well.
+/// Returns the line about the solver and its accuracy.
 pub(super) fn solver_line(asked: &str, solution: &Solution, stated: TotalError) -> String {
     let bound = solution
         .error_bound
@@ -46,7 +46,7 @@ pub(super) fn solver_line(asked: &str, solution: &Solution, stated: TotalError) 
     )
 }
 
-/// Describes a solution: how it was reached by the `solver` that was asked for, and the mean radiosity of each surface.
+/// Describes a solution by the requested `solver`: its accuracy, and the mean radiosity of each surface.
 pub(super) fn describe(text: &mut String, model: &Model, solver: &str, study: &SolutionStudy) {
     let solution = &study.solution;
     if solver == NO_SOLVER {
@@ -74,7 +74,7 @@ pub(super) fn describe(text: &mut String, model: &Model, solver: &str, study: &S
     let _ = writeln!(text);
 }
 
-/// Adds the line that tells what a coarser mesh would change.
+/// Adds the line about the change by a coarser mesh.
 pub(super) fn describe_mesh_error(text: &mut String, mesh_error: &MeshError) {
     let MeshError {
         n_patches,

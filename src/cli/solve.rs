@@ -1,4 +1,4 @@
-//! `radiosity solve`.
+//! The command `radiosity solve`.
 
 use std::fmt::Write as _;
 
@@ -41,7 +41,7 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let shines = daylight.shines() || path.is_some();
     run.has_lightings = !args.lighting.is_empty() || shines || args.exitance.is_some();
     let mut model = run.prepare(&args.scene, mesh_args, |_| Subdivision::Uniform(1))?;
-    // Before the work: a mistake in them is found at once, and their reflectances count in how form factors are stored.
+    // Errors in lightings are reported before the work begins, and their reflectances affect the storage of form factors.
     let loaded = Lightings::load(args, &model.scene)?;
     run.cx.demand.reflectance_max = loaded.reflectance_max();
     let given = args.exitance.as_deref();
@@ -107,7 +107,7 @@ fn files(args: &SolveArgs) -> Result<FileSet, Failure> {
     Ok(files)
 }
 
-/// Writes and describes a solution; without `computed` there are no stored form factors to tell of.
+/// Writes and describes a solution; without `computed` there are no stored form factors to describe.
 fn finish(
     args: &SolveArgs,
     run: &mut Run,

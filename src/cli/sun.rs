@@ -1,4 +1,4 @@
-//! Sun and sky that flags ask for.
+//! Sun and sky by flags.
 
 use glam::DVec3;
 
@@ -7,7 +7,7 @@ use super::failure::Failure;
 use crate::heat::{Sky, Sun, sun_direction};
 use crate::workflow::{Daylight, SkyRequest, SunRequest, is_grey};
 
-/// Returns the sun that flags ask for, in a scene where `up` is up.
+/// Returns the sun that the flags request, in a scene where `up` is up.
 pub(super) fn sun(args: &SunArgs, up: DVec3) -> Result<Option<SunRequest>, Failure> {
     let made = args.sun_irradiance.map(|irradiance| {
         let direction = match (args.sun, args.latitude.zip(args.longitude), &args.time) {
@@ -30,7 +30,7 @@ pub(super) fn sun(args: &SunArgs, up: DVec3) -> Result<Option<SunRequest>, Failu
     })
 }
 
-/// Returns the sky that flags ask for, in a scene where `up` is up.
+/// Returns the sky that the flags request, in a scene where `up` is up.
 pub(super) fn sky(args: &SunArgs, up: DVec3) -> Result<Option<SkyRequest>, Failure> {
     let made = args.sky.map(|irradiance| {
         let greatest = irradiance.into_iter().fold(0.0, f64::max);
@@ -41,7 +41,7 @@ pub(super) fn sky(args: &SunArgs, up: DVec3) -> Result<Option<SkyRequest>, Failu
         .map_err(|(_, wrong): (&str, String)| Failure::usage(format!("--sky: {wrong}")))
 }
 
-/// Returns sun and sky that flags ask for, where +z is up.
+/// Returns the sun and sky that the flags request, where +z is up.
 pub(super) fn daylight(args: &SunArgs) -> Result<Daylight, Failure> {
     Ok(Daylight {
         sun: sun(args, DVec3::Z)?,

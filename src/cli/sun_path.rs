@@ -1,4 +1,4 @@
-//! `--sun-path` of `solve` and `heat`: the sun at many times, with form factors computed once.
+//! The flag `--sun-path` of `solve` and `heat`: the sun at many times, with form factors computed once.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -29,7 +29,7 @@ pub(super) fn read(file: Option<&Path>, args: &SunArgs, up: DVec3) -> Result<Opt
     Ok(file.map(read).transpose()?)
 }
 
-/// Refuses a checkpoint of nothing: form factors are read from a file, and there is no path of the sun.
+/// Refuses a checkpoint without work to store: form factors are read from a file, and there is no path of the sun.
 pub(super) fn expect_work(
     checkpoint: Option<&Path>,
     form_factors: Option<&Path>,
@@ -42,7 +42,7 @@ pub(super) fn expect_work(
     Ok(())
 }
 
-/// Returns the file that names all those of an output, which is a series along a path.
+/// Returns the main file of an output, which is a series along a path.
 pub(super) fn output(output: &Path, path: Option<&Path>) -> Result<PathBuf, ReportError> {
     match path {
         Some(_) => SeriesWriter::file_of(output),
@@ -72,7 +72,7 @@ impl OnPath<'_> {
         Ok(self.finish(study, (code, args.audit.strict), written.as_deref(), run))
     }
 
-    /// Finds the heat at each time.
+    /// Computes the heat at each time.
     pub(super) fn heat(mut self, args: &HeatArgs, boundary: &Boundary, run: &mut Run) -> Result<Outcome, Failure> {
         args.sun.note_path(args.sun_path.as_deref(), &mut run.cx);
         let request = args.solver.request();
@@ -89,14 +89,14 @@ impl OnPath<'_> {
         Ok(self.finish(study, (code, args.audit.strict), written.as_deref(), run))
     }
 
-    /// Runs `work` with a place for the values of patches, and writes these.
+    /// Runs `work` with a sink for the values of patches, which writes them.
     fn written<S>(
         &mut self,
         output: Option<&Path>,
         run: &mut Run,
         work: impl FnOnce(&mut Self, Option<BlockSink<'_>>, &mut Context) -> Result<PathStudy<S>, WorkflowError>,
     ) -> Result<(PathStudy<S>, Option<PathBuf>), Failure> {
-        // Only the document has them.
+        // Only the document contains the results of surfaces.
         run.cx.demand.drops_surfaces = !run.common.json;
         let Some(output) = output else {
             return Ok((work(self, None, &mut run.cx)?, None));

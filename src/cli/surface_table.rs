@@ -9,7 +9,7 @@ use crate::printable::printable;
 use crate::scene::{Scene, SurfaceId};
 use crate::workflow::{FormFactorStudy, Model, SurfaceTable};
 
-/// Returns the surface of a name; another is a usage error.
+/// Returns the surface of a name; an unknown name is a usage error.
 pub(super) fn surface_named(scene: &Scene, name: &str) -> Result<SurfaceId, Failure> {
     scene.surface_named(name).ok_or_else(|| {
         let known: Vec<&str> = scene.surfaces.iter().map(|s| s.name.as_str()).take(12).collect();
@@ -20,7 +20,7 @@ pub(super) fn surface_named(scene: &Scene, name: &str) -> Result<SurfaceId, Fail
     })
 }
 
-/// Adds the table of form factors between surfaces, or where they are found.
+/// Adds the table of form factors between surfaces, or a line about where to find them.
 ///
 /// Writing to a String cannot fail; the results of `write!` are dropped for that reason.
 pub(super) fn describe_surfaces(text: &mut String, model: &Model, computed: &FormFactorStudy, table: &SurfaceTable) {
@@ -53,7 +53,7 @@ pub(super) fn describe_surfaces(text: &mut String, model: &Model, computed: &For
             let _ = write!(text, " {value:>column$.6}");
         }
         let error = row.error.iter().copied().fold(0.0, f64::max);
-        // A row that is complete may be so but for rounding of either sign.
+        // A complete row may differ from 1 by rounding of either sign.
         let lost = if row.lost_factor.abs() < 5e-7 {
             0.0
         } else {
@@ -64,7 +64,7 @@ pub(super) fn describe_surfaces(text: &mut String, model: &Model, computed: &For
     let _ = writeln!(text);
 }
 
-/// Returns the width of the columns of a table: the least that tells the names at their heads apart, and 9 at least.
+/// Returns the width of a table's columns: the least that distinguishes the names at their heads, and at least 9.
 fn heads_width(names: &[&str]) -> usize {
     let all_differ = |width: &usize| {
         let heads: BTreeSet<String> = names.iter().map(|name| shortened(name, *width)).collect();

@@ -1,4 +1,4 @@
-//! `radiosity verify`.
+//! The command `radiosity verify`.
 
 use super::Outcome;
 use super::args::VerifyArgs;
@@ -14,7 +14,7 @@ use crate::workflow::{Memory, expect_room};
 
 pub(super) fn run(args: &VerifyArgs) -> Result<Outcome, Failure> {
     let mut times = StageTimes::default();
-    // What cannot be read is told by who reads it.
+    // Unreadable files are reported by the reader below.
     let memory = Memory {
         limit_byte: args.memory_limit,
         ..Memory::default()

@@ -6,7 +6,7 @@ use super::name_width;
 use crate::printable::printable;
 use crate::render::verify::{LayerCheck, LayerReport, VerifyReport};
 
-/// Describes what was found.
+/// Describes the results.
 ///
 /// Writing to a String cannot fail; the results of `write!` are dropped for that reason.
 pub(super) fn describe(report: &VerifyReport) -> String {
@@ -72,7 +72,7 @@ pub(super) fn describe(report: &VerifyReport) -> String {
             let _ = writeln!(text, "{:width$} not checkable", wall.name);
             continue;
         }
-        // Walls of a grey light have three equal channels; the worst is the one to show.
+        // The walls of a grey light have three equal channels; the worst is shown.
         let worst = (0..3)
             .max_by(|&a, &b| wall.error[a].abs().total_cmp(&wall.error[b].abs()))
             .unwrap_or(0);
@@ -102,7 +102,7 @@ pub(super) fn describe(report: &VerifyReport) -> String {
     text
 }
 
-/// Describes faults beside single pixels and walls.
+/// Describes faults other than those of single pixels and walls.
 fn describe_faults(text: &mut String, report: &VerifyReport) {
     if report.n_strips_outside > 0 {
         let _ = writeln!(
@@ -123,7 +123,7 @@ fn describe_faults(text: &mut String, report: &VerifyReport) {
     }
 }
 
-/// Describes how each layer was checked.
+/// Describes the check of each layer.
 fn describe_layers(text: &mut String, layers: &[LayerReport]) {
     let kinds = [
         (LayerCheck::ClosedForm, "against the closed form"),

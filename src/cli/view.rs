@@ -1,4 +1,4 @@
-//! The view and the settings of a picture, as flags have them.
+//! The view and the settings of an image by flags.
 
 use std::fmt::Write as _;
 use std::num::NonZeroU32;
@@ -9,7 +9,7 @@ use super::run::Run;
 use crate::render::{DirectMethod, GatherSettings, RenderSettings};
 use crate::workflow::{Demand, ImageView};
 
-/// Returns what is known of the work after the form factors.
+/// Returns the demands of the steps after the form factors.
 pub(super) fn demand(args: &RenderArgs) -> Demand {
     Demand {
         output: Some(args.output.clone()),
@@ -19,7 +19,7 @@ pub(super) fn demand(args: &RenderArgs) -> Demand {
     }
 }
 
-/// Refuses flags of the direct pass that do not go together.
+/// Refuses flags of the direct pass that do not fit together.
 pub(super) fn expect_sensible(image: &ImageArgs) -> Result<(), Failure> {
     let direct = image.direct.or(image.flat.then_some(DirectName::Off));
     match (direct, image.direct_samples) {
@@ -33,7 +33,7 @@ pub(super) fn expect_sensible(image: &ImageArgs) -> Result<(), Failure> {
     }
 }
 
-/// Returns how a picture is made; the defaults depend on the view.
+/// Returns the settings of an image; the defaults depend on the view.
 pub(super) fn render_settings(args: &RenderArgs, is_unfolded: bool) -> RenderSettings {
     let image = &args.image;
     let direct = match image.direct {
@@ -65,13 +65,13 @@ fn gather_settings(args: GatherArgs) -> GatherSettings {
     }
 }
 
-/// Returns the samples along each side of a pixel.
+/// Returns the number of samples along each side of a pixel.
 pub(super) fn samples(view: &ViewArgs, is_unfolded: bool) -> NonZeroU32 {
     let asked = view.samples.and_then(NonZeroU32::new);
     asked.unwrap_or(RenderSettings::default_samples(is_unfolded))
 }
 
-/// Adds the camera of an image to the text and the settings of the document; after the picture is written, as a picture names no files.
+/// Adds the camera of an image to the text and the settings of the document, after the image is written, whose attributes name no files.
 pub(super) fn tell_camera(view: &ImageView, run: &mut Run, text: &mut String) {
     let camera = view.camera_text(&flag);
     let _ = writeln!(text, "camera: {camera}");

@@ -1,4 +1,4 @@
-//! `radiosity voxel`.
+//! The command `radiosity voxel`.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -35,7 +35,7 @@ fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let is_image = format == Some(Format::Image);
     args.expect_sensible(is_image).map_err(Failure::usage)?;
     files(args, format).check()?;
-    // Without a picture the patches play no part.
+    // Without an image the patches are not used.
     let cut_as = is_image.then_some(args.mesh);
     run.cx.memory.limit_byte = args.memory_limit;
     let mut model = run.prepare(&args.scene, cut_as, |scene| {
@@ -114,7 +114,7 @@ fn render_settings(args: &VoxelArgs) -> RenderSettings {
     }
 }
 
-/// Writes what was asked for, and returns the view of a picture.
+/// Writes the requested output, and returns the view of an image.
 fn write(
     run: &mut Run,
     model: &mut Model,

@@ -11,7 +11,7 @@ use crate::scene::Scene;
 use crate::voxel::VoxelScene;
 use crate::workflow::{TotalError, VoxelLight, VoxelRequest, VoxelResult, VoxelStudy};
 
-/// Describes voxels, links, walls, and how light was found.
+/// Describes voxels, links, walls, and the method that found the light.
 pub(super) fn describe(text: &mut String, request: &VoxelRequest, study: &VoxelStudy) {
     let VoxelStudy {
         voxels, sphere, links, ..
@@ -60,7 +60,7 @@ fn describe_walls(text: &mut String, voxels: &VoxelScene) {
     }
 }
 
-/// Returns the line that says how light was found.
+/// Returns the line about the method that found the light.
 fn light_line(request: &VoxelRequest, study: &VoxelStudy) -> String {
     let (passes, solver) = match &request.light {
         VoxelLight::Propagations { passes, .. } | VoxelLight::Cells { passes, .. } => (*passes, ""),
@@ -81,7 +81,7 @@ fn light_line(request: &VoxelRequest, study: &VoxelStudy) -> String {
     }
 }
 
-/// The most surfaces that are listed for people; the document has all.
+/// The greatest number of surfaces in the text; the document has all.
 const LISTED: usize = 40;
 
 /// Adds the mean radiosity of each surface.

@@ -135,7 +135,7 @@ pub struct FormFactorsDocument<'a> {
 }
 
 impl<'a> FormFactorsDocument<'a> {
-    /// Returns what there is to hold of form factors and of those between surfaces.
+    /// Returns the document of form factors, with those between surfaces.
     #[must_use]
     pub fn new(model: &Model, study: &FormFactorStudy, table: &'a SurfaceTable, output: Option<String>) -> Self {
         let n = model.scene.surfaces.len();

@@ -20,7 +20,7 @@ pub struct HeatDocument {
 }
 
 impl HeatDocument {
-    /// Returns what was found in a model.
+    /// Returns the document of the heat of a model.
     #[must_use]
     pub fn new(model: &Model, factors: &FormFactorStudy, study: &HeatStudy) -> Self {
         Self {
@@ -44,7 +44,7 @@ pub struct PointsDocument {
 }
 
 impl PointsDocument {
-    /// Counts what points are.
+    /// Counts points by their status.
     #[must_use]
     pub fn new(views: &[PointView]) -> Self {
         let n_of = |status: PointStatus| views.iter().filter(|view| view.status == status).count();

@@ -57,10 +57,10 @@ pub struct FramesDocument {
 }
 
 impl FramesDocument {
-    /// Returns what there is to hold of poses, each with how its solution was reached, and of frames.
+    /// Returns the document of poses, each with the record of its solution, and of frames.
     ///
     /// # Panics
-    /// Without a pose.
+    /// If there is no pose.
     #[must_use]
     #[track_caller]
     pub fn new(poses: Vec<(SolverRecord, PoseRecord)>, frames: Vec<FrameRecord>, n_lightings: usize) -> Self {
@@ -96,7 +96,7 @@ impl PoseRecord {
         }
     }
 
-    /// Compares how bad two poses are: by the end of the solver, the tolerance of the form factors, the residual.
+    /// Compares the quality of two poses: by the end of the solver, the tolerance of the form factors, the residual.
     fn order(&self, other: &Self) -> Ordering {
         let rank = |pose: &Self| (severity(pose.quality.stop_reason), !pose.form_factors.tolerance_met);
         let residual = |pose: &Self| pose.quality.residual_l2.unwrap_or(f64::INFINITY);
@@ -105,7 +105,7 @@ impl PoseRecord {
     }
 }
 
-/// Returns how bad the end of a solver is, beside others.
+/// Returns the severity of the end of a solver, for comparisons.
 fn severity(reason: StopReason) -> u8 {
     match reason {
         StopReason::Converged => 0,
@@ -152,7 +152,7 @@ pub struct UpdateRecord {
 }
 
 impl UpdateRecord {
-    /// Returns what became of form factors since a change.
+    /// Returns the reuse of form factors after a change.
     #[must_use]
     pub fn new(change: &Change, study: &FormFactorStudy) -> Self {
         Self {

@@ -1,7 +1,7 @@
 //! The JSON documents that the program prints: one typed structure for each command, with units and meaning at every key.
 //!
-//! Keys are sorted when a document is written. Lengths are in m, areas in m², powers in W, radiosities, irradiances and exitances in W·m⁻², times in s, memory in bytes; form factors, reflectances and relative errors have no unit.
-//! A number that is not finite is written as null. `docs/schema.json` is the JSON Schema of all of them; [`schema`](mod@schema) generates it.
+//! Keys are sorted when a document is written. Lengths are in m, areas in m², powers in W, radiosities, irradiances and exitances in W·m⁻², times in s, memory in bytes; form factors, reflectances and
+//! relative errors have no unit. Numbers that are not finite are written as null. `docs/schema.json` is the JSON Schema of all documents; [`schema`](mod@schema) generates it.
 
 mod form_factors;
 mod heat;
@@ -61,7 +61,7 @@ pub struct Document<'a, T> {
 }
 
 impl<'a, T> Document<'a, T> {
-    /// Returns the document of a command; `warnings` as its users read them.
+    /// Returns the document of a command; `warnings` are in the syntax of its users.
     #[must_use]
     pub fn new(command: &'static str, cx: &'a Context, warnings: Vec<String>, result: T) -> Self {
         let times = cx.times();
@@ -122,7 +122,7 @@ impl<'a> From<&'a Audit> for AuditRecord<'a> {
 }
 
 impl<'a, T> OfScene<'a, T> {
-    /// Adds what is known of a model and its study to a result; `explain` asks for the decisions.
+    /// Adds the account of a model and its study to a result; `explain` includes the decisions.
     #[must_use]
     pub fn new(model: &'a Model, cx: &'a Context, explain: bool, result: T) -> Self {
         Self {

@@ -55,7 +55,7 @@ pub struct VerifyDocument {
 }
 
 impl VerifyDocument {
-    /// Returns the document of an image that was verified.
+    /// Returns the document of a verified image.
     #[must_use]
     pub fn new(image: String, stages: StageTimes, report: VerifyReport) -> Self {
         Self {

@@ -19,9 +19,10 @@ use crate::experiment::stability::StabilityDocument;
 use crate::report::SCHEMA_VERSION;
 use crate::workflow::{HeatStep, LightStep};
 
-/// Returns the JSON Schema (draft 2020-12) of what the program prints with `--json`.
+/// Returns the JSON Schema (draft 2020-12) of the documents that the program prints with `--json`.
 ///
-/// A document is valid if it is so against one of the schemas at `oneOf`; each of these is a definition of its own, called as the command, and the second kind of a command as what makes it so.
+/// A document is valid if it is valid against one of the schemas at `oneOf`. Each of these is a definition named after its command; the name of a second kind of a command adds the flag that produces
+/// it.
 #[must_use]
 pub fn schema() -> Value {
     let mut all = Documents::new();
@@ -52,10 +53,10 @@ pub fn schema() -> Value {
 type OfModel<T> = Document<'static, OfScene<'static, T>>;
 type OfPaper<T> = Document<'static, Reproduced<T>>;
 
-/// Schemas on their way into one.
+/// Schemas that are being combined.
 struct Documents {
     generator: SchemaGenerator,
-    /// By name.
+    /// The schemas by name.
     schemas: Vec<(&'static str, Schema)>,
 }
 

@@ -35,7 +35,7 @@ pub struct SolverRecord {
 }
 
 impl SolverRecord {
-    /// Returns how a solution was reached; `solver` is the name of the one that was asked for.
+    /// Returns the record of a solution; `solver` is the requested one.
     #[must_use]
     pub fn new(model: &Model, solver: &str, solution: &Solution, stated: TotalError) -> Self {
         let selections = &solution.selections;

@@ -48,7 +48,7 @@ pub struct StepRecord<S> {
 }
 
 impl<S> PathDocument<S> {
-    /// Returns what was found in a model.
+    /// Returns the document of a path's results.
     #[must_use]
     pub fn new(model: &Model, factors: &FormFactorStudy, path: &SunPath, study: PathStudy<S>) -> Self {
         let record = |(step, result): (&SunStep, S)| StepRecord {

@@ -136,7 +136,7 @@ pub enum VoxelLightRecord {
 }
 
 impl VoxelDocument {
-    /// Returns what there is to hold of a study that was asked for by `request`.
+    /// Returns the document of a study for a `request`.
     #[must_use]
     pub fn new(scene: &Scene, request: &VoxelRequest, study: &VoxelStudy, output: Option<String>) -> Self {
         let VoxelStudy { voxels, links, .. } = study;

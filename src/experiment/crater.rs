@@ -1,10 +1,10 @@
-//! [`INGERSOLL_1992`](crate::references::INGERSOLL_1992): the temperature of the shadow in a bowl-shaped crater, as its tessellation gets finer.
+//! Reproduces [`INGERSOLL_1992`](crate::references::INGERSOLL_1992): the temperature of the shadow in a bowl-shaped crater, by the level of its tessellation.
 //!
-//! In a spherical cap in sunlight all that lies in shadow has one temperature, which `docs/heat.md` derives:
+//! In a sunlit spherical cap the whole shadow has one temperature, which `docs/heat.md` derives:
 //!
 //! ε σ T⁴ = (1 − A) S sin h f / (1 − f A) [ε + A (1 − f)], f = 1 / (1 + D² / (4 d²)).
 //!
-//! The built-in scene `crater` has flat faces with their corners on the sphere, 4^(l+1) at level l, so that the deviation falls with their area.
+//! The built-in scene `crater` has flat faces with their corners on the sphere, 4^(l+1) at level l, so the deviation falls with their area.
 
 use std::time::Instant;
 
@@ -24,7 +24,7 @@ use crate::workflow::{Context, FormFactorRequest, Model, SolveRequest, Use};
 /// The greatest level: 16,384 faces.
 pub const LEVEL_MAX: u32 = 6;
 
-/// The level where nothing is asked for: 1,024 faces.
+/// The default level: 1,024 faces.
 pub const LEVEL_DEFAULT: u32 = 4;
 
 /// The least level.
@@ -38,10 +38,10 @@ const SUN: f64 = 1361.0;
 /// The heights of the sun, in degrees.
 const HEIGHTS_DEG: [f64; 3] = [6.0, 12.0, 20.0];
 
-/// (D / 2 d)² of the scene.
+/// The value (D / 2 d)² of the scene.
 const SQUARED_SLOPE: f64 = 4.0;
 
-/// A part of the deviation of one level that may be left at the next: it falls with the area of the faces, to a quarter.
+/// The greatest ratio of the deviations at successive levels: it falls with the area of the faces, to a quarter.
 const LEFT_OVER: f64 = 0.5;
 
 /// The shadow at one level and height of the sun.
@@ -95,7 +95,7 @@ pub fn ingersoll_k(height_deg: f64) -> f64 {
     (emitted / (EMISSIVITY * STEFAN_BOLTZMANN)).powf(0.25)
 }
 
-/// Finds the temperature of the shadow at levels up to `level`.
+/// Computes the temperature of the shadow at levels up to `level`.
 ///
 /// # Errors
 /// [`ExperimentError::Study`], [`ExperimentError::Scene`].

@@ -8,7 +8,7 @@ use crate::workflow::Settings;
 /// Files of one directory, by name.
 pub type Files = Vec<(String, Vec<u8>)>;
 
-/// The warning where a check of a reproduction fails.
+/// The warning if a check of a reproduction fails.
 pub(crate) const FAILED: &str = "our own figures are not what they must be; see the failed checks";
 
 /// Returns a file of text.
@@ -19,16 +19,16 @@ pub fn text_file(name: impl Into<String>, content: String) -> (String, Vec<u8>) 
 
 /// The findings of a reproduction, ready to be printed and written.
 ///
-/// Files that hold times of ours have `time` in their names; the others are the same bytes in every run.
+/// Files with times of ours have `time` in their names; the others have the same bytes in every run.
 #[derive(Clone, Debug)]
 pub struct Findings<D> {
     /// The report in Markdown, with times.
     pub printed: String,
     /// The files.
     pub files: Files,
-    /// The part of the JSON document about it.
+    /// Its part of the JSON document.
     pub document: D,
-    /// The warning where a figure of ours is not what it must be.
+    /// The warning if a figure of ours fails its check.
     pub wrong: Option<String>,
 }
 
@@ -58,7 +58,7 @@ impl Check {
         }
     }
 
-    /// Returns a table of checks, values with so many decimals.
+    /// Returns a table of checks, with `n_decimals` decimals.
     #[must_use]
     pub fn table(checks: &[Self], n_decimals: usize) -> Table {
         table! { check in checks;

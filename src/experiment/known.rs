@@ -1,18 +1,18 @@
 //! Form factors between whole surfaces with certified digits, for the two built-in scenes with occluders.
 //!
-//! Computed independently of this crate, by nested adaptive quadrature on exactly clipped polygons; the scenes' own pages in `scenes/` name them too.
+//! They are computed independently of this crate, by nested adaptive quadrature on exactly clipped polygons, and listed in the scenes' own pages in `scenes/`.
 
 use crate::scene::{Scene, builtin};
 
 /// Known form factors between all surfaces of a scene.
 pub(super) struct Known {
-    /// F_ST, row-major.
+    /// The form factors F_ST, row-major.
     pub(super) values: Vec<f64>,
     /// A bound on the absolute error of each.
     pub(super) error: f64,
 }
 
-/// Returns what is known about a scene: it must have the very faces and surfaces of a built-in one, whatever its materials.
+/// Returns the known form factors of a scene, which must have exactly the faces and surfaces of a built-in one, with any materials.
 pub(super) fn surface_form_factors(scene: &Scene) -> Option<Known> {
     if is_builtin(scene, "corridor") {
         let values = CORRIDOR.as_flattened().to_vec();
@@ -38,7 +38,9 @@ fn is_builtin(scene: &Scene, name: &str) -> bool {
     scene.surfaces == known.surfaces && scene.faces.len() == known.faces.len() && scene.face_ids().all(same_face)
 }
 
-/// A, B, partition, partition_back. A to B is half of the unoccluded value; the rest follows by reciprocity and symmetry.
+/// Form factors of A, B, partition, partition_back.
+///
+/// A to B is half of the unoccluded value; the rest follows by reciprocity and symmetry.
 const CORRIDOR: [[f64; 4]; 4] = [
     [0.0, A_TO_B, A_TO_PARTITION, 0.0],
     [A_TO_B, 0.0, 0.0, A_TO_PARTITION],
@@ -48,7 +50,9 @@ const CORRIDOR: [[f64; 4]; 4] = [
 const A_TO_B: f64 = 0.102_930_079_594_358_68;
 const A_TO_PARTITION: f64 = 0.193_191_244_633_067_53;
 
-/// room_x0 … room_z1, box_x0 … box_z1. Rows add up to 1 within 3e-11; reciprocity holds within 5e-10.
+/// Form factors of room_x0 … room_z1, box_x0 … box_z1.
+///
+/// Rows add up to 1 within 3e-11; reciprocity holds within 5e-10.
 #[rustfmt::skip]
 const ROOM_BOX: [[f64; 12]; 12] = [
     [

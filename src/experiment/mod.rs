@@ -1,11 +1,11 @@
-//! Experiments: the methods side by side on one scene, and the papers' tables beside what we measure.
+//! Experiments: the methods side by side on one scene, and the papers' tables beside our results.
 //!
-//! [`compare`](compare()) runs every setting of every method ([`SWEEPS`]) over several seeds and says how far each is from a
-//! [`Reference`], and how long it took. [`baranoski`] repeats the tables of that paper, [`lewis`] those of the paper on multigrid.
-//! [`malgouyres`] measures what the paper on voxels leaves open. [`crater`] holds the shadow of a tessellated crater against its closed form. [`pictures`] holds ways to render one solution against each other. [`stability`] tries every solver on stiff, extreme and impossible systems.
+//! [`compare`](compare()) runs every setting of every method ([`SWEEPS`]) over several seeds, and reports its error against a [`Reference`] and its run time. [`baranoski`] reproduces the tables of
+//! that paper, [`lewis`] those of the paper on multigrid. [`malgouyres`] measures the error of the paper on voxels. [`crater`] compares the shadow of a tessellated crater with its closed form.
+//! [`pictures`] compares ways to render one solution. [`stability`] tries every solver on stiff, extreme and impossible systems.
 //!
-//! Run times are results here, and the only ones that differ from run to run. `radiosity reproduce` keeps them apart: files with `time` in their names hold
-//! them, and so does `index.html`, the page with everything on it ([`page`](crate::report::page)); all others are the same bytes for the same settings. What it prints, and `--json`, has both.
+//! Run times are results here, and the only ones that vary between runs. `radiosity reproduce` keeps them apart: files with `time` in their names contain
+//! them, and so does `index.html`, the page of all results ([`page`](crate::report::page)); all others have the same bytes for the same settings. The printed report and `--json` include both.
 
 pub mod baranoski;
 pub mod compare;
@@ -33,7 +33,7 @@ use crate::matrix::MatrixError;
 use crate::parameter::Named;
 use crate::solver::StopReason;
 
-/// Why an experiment could not be made.
+/// A reason why an experiment failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ExperimentError {
@@ -46,7 +46,7 @@ pub enum ExperimentError {
         parameter: &'static str,
         /// Its value.
         value: u64,
-        /// Why it failed.
+        /// The error.
         source: FormFactorError,
     },
     /// The reference could not be computed.
@@ -70,14 +70,14 @@ pub enum ExperimentError {
     /// A radiosity system was refused.
     #[error(transparent)]
     Solver(#[from] crate::solver::SolverError),
-    /// A solution that others are measured by did not converge.
+    /// A reference solution did not converge.
     #[error("the reference: {solver} {stop_reason} at a relative residual of {residual_l2:.1e}")]
     Unsolved {
         /// The solver.
         solver: &'static str,
-        /// Why it stopped.
+        /// The stop reason.
         stop_reason: StopReason,
-        /// Where.
+        /// The relative residual.
         residual_l2: f64,
     },
     /// A study could not be made.
@@ -89,10 +89,10 @@ pub enum ExperimentError {
     /// An image could not be encoded.
     #[error("the image cannot be encoded: {0}")]
     Image(String),
-    /// Too few runs for a spread.
+    /// Too few runs for an ensemble.
     #[error("{n_seeds} seeds are too few; give at least {least}")]
     TooFewSeeds {
-        /// The request.
+        /// The requested number.
         n_seeds: u64,
         /// The least number.
         least: u64,

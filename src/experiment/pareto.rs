@@ -1,6 +1,6 @@
 //! The Pareto front of error and run time.
 
-/// Returns for each (cost, error) whether no other is as good in both and better in one: the Pareto front of the set.
+/// Returns for each (cost, error) whether it is on the Pareto front of the set: no other is as good in both and better in one.
 ///
 /// Equal pairs are on the front together; a pair that holds a NaN is never on it.
 pub(super) fn front(points: &[(f64, f64)]) -> Vec<bool> {

@@ -1,4 +1,4 @@
-//! The references that methods are measured against.
+//! The references for the errors of methods.
 
 use std::num::NonZeroUsize;
 
@@ -41,16 +41,16 @@ pub enum ReferenceLevel {
 /// The form factors of a reference.
 #[derive(Clone, Debug)]
 pub enum ReferenceValues {
-    /// Between patches, stored as asked for.
+    /// Between patches, in the requested storage.
     Patches(FormFactors),
     /// Between n surfaces: F, row-major \[n, n\].
     Surfaces(Vec<f64>),
 }
 
-/// Form factors that are known better than any that are compared with them, or as well as could be had.
+/// Form factors that are more accurate than any that are compared with them, or as accurate as possible.
 #[derive(Clone, Debug)]
 pub struct Reference {
-    /// Where they come from.
+    /// Their source.
     pub kind: ReferenceKind,
     /// The numbers.
     pub values: ReferenceValues,
@@ -58,19 +58,19 @@ pub struct Reference {
     pub error_max: f64,
     /// The root mean square of these estimates over the entries that are not 0, or a bound of it.
     pub error_rms: f64,
-    /// The tolerance of [`ExactMethod`], where that made it.
+    /// The tolerance of [`ExactMethod`], if it computed them.
     pub tolerance: Option<f64>,
 }
 
-/// The greatest seed of references: the last that a comparison would come to.
+/// The seed of references: the greatest, which no comparison reaches.
 const SEED: u64 = u64::MAX;
 
 impl Reference {
     /// Finds or computes the reference for a scene.
     ///
-    /// Where nothing blocks, or `input.unoccluded` says not to look: the closed form if all patches are rectangles with parallel edges, else the exchange
-    /// area of each pair of polygons. Else certified numbers, if the scene has them. Else [`ExactMethod`] at `tolerance`. All without rays, but for pairs of [`ExactMethod`] that clipping would take far longer for.
-    /// Factors between patches are stored as `storage` says.
+    /// Without occluders, or if `input.unoccluded` ignores them: the closed form if all patches are rectangles with parallel edges, else the exchange area of each pair of polygons. Otherwise
+    /// certified numbers, if the scene has them, else [`ExactMethod`] at `tolerance`. None uses rays, except [`ExactMethod`] for pairs whose clipping would take far longer. Factors between patches
+    /// are stored in `storage`.
     ///
     /// # Errors
     /// [`ExperimentError::Reference`] if a method fails.
@@ -135,7 +135,7 @@ impl Reference {
         }
     }
 
-    /// Returns what the form factors are known between.
+    /// Returns the elements between which the form factors are known.
     #[must_use]
     pub fn level(&self) -> ReferenceLevel {
         match self.values {
@@ -152,18 +152,17 @@ impl Reference {
         }
     }
 
-    /// Returns the greatest and the root-mean-square absolute error of form factors: max |F − F*| over all entries, and
-    /// sqrt(Σ (F − F*)² / m), the sum over all entries and m the number of those with F* ≠ 0, so that pairs that cannot see
-    /// each other do not make a method look better.
+    /// Returns the greatest and the root-mean-square absolute error of form factors: max |F − F*| over all entries, and sqrt(Σ (F − F*)² / m).
     ///
-    /// Between patches or, where the reference is such, between surfaces
+    /// The sum is over all entries, and m is the number of those with F* ≠ 0, so that mutually hidden pairs do not lower the error.
+    /// The errors are those between patches or, for such a reference, between surfaces
     /// ([`surface_form_factors`](FormFactors::surface_form_factors)).
     ///
     /// # Errors
     /// [`DiskError`] if form factors on a disk cannot be read.
     ///
     /// # Panics
-    /// If `factors` are not those of `mesh`, or the reference is not of this scene.
+    /// If `factors` are not those of `mesh`, or the reference is that of another scene.
     #[track_caller]
     pub fn errors(&self, factors: &FormFactors, mesh: &Mesh) -> Result<(f64, f64), DiskError> {
         assert_eq!(factors.n_rows(), mesh.n_patches(), "one row per patch");
@@ -199,7 +198,7 @@ impl Reference {
                     .collect()
             }
         };
-        // In the order of the rows, so that the sum does not depend on the threads.
+        // Summation in the order of the rows makes the result independent of the threads.
         let (max, sum) = errors.iter().fold((0.0_f64, 0.0), |(m, s), (a, b)| (m.max(*a), s + b));
         factors.if_readable((max, (sum / self.n_nonzero().max(1.0)).sqrt()))
     }
@@ -261,7 +260,7 @@ mod tests {
         assert!(cornell.error_max < 1e-11, "{}", cornell.error_max);
         let (exact, _) = find(&builtin_scene("cornell-box"), 1, false, true);
         assert_eq!((exact.kind, exact.tolerance), (ReferenceKind::Exact, Some(1e-7)));
-        // Factors from the larger of two patches are known better, those from the smaller to the tolerance.
+        // Factors from the larger of two patches are more accurate; those from the smaller have the tolerance.
         assert!(exact.error_rms > 0.0 && exact.error_rms < exact.error_max && exact.error_max <= 1e-7);
         let ReferenceValues::Patches(factors) = &exact.values else {
             panic!("between patches")

@@ -1,14 +1,14 @@
-//! Solutions that others are measured by.
+//! Reference solutions.
 
 use std::ops::ControlFlow;
 
 use super::ExperimentError;
 use crate::solver::{RadiositySystem, Solution, SolveOptions, SolverSettings, StopReason, Tolerance, solver};
 
-/// Passes after which a reference is given up.
+/// The limit of passes of a reference.
 const MAX_PASSES: usize = 10_000;
 
-/// Solves a system with the solver of a name and its defaults; an answer that does not meet the tolerance is an error.
+/// Solves a system with the named solver and its defaults; a solution that does not meet the tolerance is an error.
 pub(super) fn solved(
     system: &RadiositySystem,
     name: &'static str,

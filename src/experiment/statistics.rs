@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use serde::Serialize;
 
-/// The 99.9 % range of a normal distribution reaches so many standard deviations to both sides.
+/// The half-width of the 99.9 % range of a normal distribution, in standard deviations.
 pub const Z_999: f64 = 3.290_526_731_491_9;
 
 /// How some measured values are distributed.
@@ -88,7 +88,7 @@ pub fn chi_squared_above(x: f64, degrees: u32) -> f64 {
         return if x <= 0.0 { 1.0 } else { 0.0 };
     }
     let y = 0.5 * x;
-    // The term to add next, y^a exp(−y) / Γ(a + 1), in logarithms: its factors leave the range of f64.
+    // The next term, y^a exp(−y) / Γ(a + 1), is in logarithms, as its factors leave the range of f64.
     let (mut a, mut sum, mut logarithm) = if degrees % 2 == 1 {
         (0.5, erfc(y.sqrt()), 0.5 * y.ln() - y - (0.5 * PI.sqrt()).ln())
     } else {
@@ -99,11 +99,11 @@ pub fn chi_squared_above(x: f64, degrees: u32) -> f64 {
         a += 1.0;
         logarithm += (y / a).ln();
     }
-    // Rounding only: the sum is a probability.
+    // The sum is a probability, above 1 by rounding only.
     sum.min(1.0)
 }
 
-/// Returns the probability of a sample variance at least as far out as `ratio` times the true one, to the same side, doubled: a two-sided test.
+/// Returns the two-sided probability of a sample variance at least as far out as `ratio` times the true one: that of the same side, doubled.
 ///
 /// `degrees` is the number of normal samples less one. Accuracy of the lower tail: 1e-15 absolute.
 #[must_use]
@@ -112,7 +112,7 @@ pub fn variance_two_sided(ratio: f64, degrees: u32) -> f64 {
     (2.0 * above.min(1.0 - above)).min(1.0)
 }
 
-/// Returns E |X| of a normal variable X: σ √(2/π) exp(−μ²/2σ²) + μ (1 − 2 Φ(−μ/σ)).
+/// Returns E |X| for a normal variable X: σ √(2/π) exp(−μ²/2σ²) + μ (1 − 2 Φ(−μ/σ)).
 #[must_use]
 pub fn folded_normal_mean(mean: f64, sd: f64) -> f64 {
     if sd <= 0.0 {

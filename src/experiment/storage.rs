@@ -1,4 +1,4 @@
-//! How much the form factors of a scene take, in each layout.
+//! The memory of the form factors of a scene, in each layout.
 
 use serde::Serialize;
 
@@ -28,9 +28,9 @@ pub struct StorageFigures {
     pub tolerance: Option<f64>,
 }
 
-/// Stores the form factors of a scene in each layout and returns what that takes, in the precision and the place of `storage`.
+/// Stores the form factors of a scene in each layout and returns their sizes, in the precision and the place of `storage`.
 ///
-/// The entries are those of the reference, or those of a run of [`ExactMethod`] where the reference knows whole surfaces only.
+/// The entries are those of the reference, or those of a run of [`ExactMethod`] if the reference is between surfaces only.
 ///
 /// # Errors
 /// [`ExperimentError`] if the run fails, or a disk does.
@@ -71,7 +71,7 @@ pub fn storage_figures(
     })
 }
 
-/// Rows that are stored as one tile.
+/// The number of rows that are stored as one tile.
 const ROWS: usize = 32;
 
 /// Returns the entries that are not zero, without their errors.

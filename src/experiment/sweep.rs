@@ -1,4 +1,4 @@
-//! The settings that are compared: one entry for each method.
+//! The settings of a comparison: one entry for each method.
 
 use std::sync::LazyLock;
 
@@ -20,11 +20,11 @@ pub struct Sweep {
     pub parameter: Parameter,
     /// Its values, ascending in cost.
     pub values: &'static [u64],
-    /// The source of numbers, where it is not the method's default.
+    /// The source of numbers, if it is not the method's default.
     pub sequence: Option<Sequence>,
     /// True if rows are divided by their sums.
     pub normalise: bool,
-    /// How the method stands to visibility.
+    /// The use of rays.
     pub rays: RayUse,
 }
 
@@ -50,11 +50,11 @@ pub enum Parameter {
 /// The purpose of a method's rays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RayUse {
-    /// For everything: it cannot leave visibility out.
+    /// All form factors: the method needs visibility.
     Everything,
-    /// For visibility alone; its parameter counts for more than that.
+    /// Visibility alone; its parameter has other effects too.
     Visibility,
-    /// For visibility alone, and so is its parameter: without visibility all of its values are the same.
+    /// Visibility alone, which is also the only effect of its parameter: without visibility all of its values are equal.
     VisibilityOnly,
 }
 
@@ -72,7 +72,7 @@ impl Parameter {
         }
     }
 
-    /// Returns a value of the parameter as people write it, or nothing where nothing is varied.
+    /// Returns a value of the parameter as text, or nothing if there is none.
     #[must_use]
     pub fn value(self, value: u64) -> String {
         match self {
@@ -96,7 +96,7 @@ impl Parameter {
         }
     }
 
-    /// Returns the power of the parameter with which the run time grows, for forecasts.
+    /// Returns the power of the parameter that the run time grows with, for forecasts.
     pub(super) fn cost_power(self) -> i32 {
         match self {
             Self::None => 0,
@@ -123,7 +123,7 @@ impl Sweep {
             Parameter::RaysPerPatch | Parameter::RaysPerPair => values.set(&RAYS, value),
             Parameter::Points | Parameter::PointsOnBoth => values.set(&POINTS, value),
             Parameter::Resolution => values.set(&RESOLUTION, value),
-            // Read from text, so that it is the number that users write.
+            // Parsing the text gives the same number as users get.
             Parameter::Tolerance => {
                 let tolerance = TOLERANCE.parse(&format!("1e-{value}"));
                 values.set(&TOLERANCE, tolerance.unwrap_or(Value::Number(f64::NAN)));
@@ -132,7 +132,7 @@ impl Sweep {
         registry::method(self.method, &settings)
     }
 
-    /// Returns the values worth running: only the first where they are all the same.
+    /// Returns the values worth running: only the first if they are all equal.
     #[must_use]
     pub fn values(&self, unoccluded: bool) -> &'static [u64] {
         match self.rays {
@@ -142,14 +142,14 @@ impl Sweep {
     }
 }
 
-/// Rays of each patch, for the methods that shoot.
+/// The rays of each patch, for the methods that shoot.
 const SHOT: &[u64] = &[64, 256, 1024, 4096, 16384];
 
-/// Everything that can be compared, in the order of tables and legends: the table below, then each other method with its own settings.
+/// All methods of a comparison, in the order of tables and legends: the table below, then each other method with its own settings.
 pub static SWEEPS: LazyLock<Vec<Sweep>> = LazyLock::new(|| {
     let mut sweeps = TABLE.to_vec();
     for entry in registry::METHODS {
-        // `sg` is in by its two usual numbers of points.
+        // The method `sg` is included with its two usual numbers of points.
         if entry.name != "sg" && sweeps.iter().all(|sweep| sweep.method != entry.name) {
             let rays = if entry.by_rows() {
                 RayUse::Everything
@@ -211,7 +211,7 @@ mod tests {
             }
         }
         for entry in registry::METHODS {
-            // `sg` is in by its two usual numbers of points.
+            // The method `sg` is included with its two usual numbers of points.
             let name = if entry.name == "sg" { "sg5" } else { entry.name };
             assert!(sweep_by_name(name).is_some(), "{name}");
         }

@@ -6,18 +6,18 @@ use crate::matrix::FormFactors;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::solver::{RadiositySystem, SolverError, carried, irradiance_error};
 
-/// Form factors with what is known of the rest of each row.
+/// Form factors with the rest of each row.
 #[derive(Clone, Copy)]
 pub(crate) struct Enclosure<'a> {
     /// F.
     pub(crate) factors: &'a FormFactors,
     /// The fraction of the light of each patch that escapes, \[n\].
     pub(crate) sky: &'a [Fraction],
-    /// The fraction that black backs take, \[n\].
+    /// The fraction of the light of each patch that black back faces absorb, \[n\].
     pub(crate) backs: &'a [Fraction],
     /// The rows that are known to sum to 1, \[n\].
     pub(crate) closed_rows: &'a [bool],
-    /// The power that form factors without reciprocity make, m², \[n\].
+    /// The power gained per unit of radiosity where form factors lack reciprocity, m², \[n\].
     pub(crate) gain: &'a [f64],
 }
 
@@ -26,7 +26,7 @@ pub(crate) struct Enclosure<'a> {
 pub(crate) struct Outside {
     /// Its irradiance, W·m⁻², \[n, c\].
     pub(crate) irradiance: Block,
-    /// The error of that, W·m⁻², \[n, c\]; of the surroundings without the error of what escapes, where that is the remainder of a row.
+    /// The error of the irradiance, W·m⁻², \[n, c\]; for the surroundings it excludes the error of the escaping fraction where that is the remainder of a row.
     pub(crate) error: Block,
     /// The radiosity of the surroundings, W·m⁻².
     pub(crate) radiosity: f64,
@@ -37,15 +37,17 @@ pub(crate) struct Outside {
 pub struct Band {
     /// B, W·m⁻², \[n\].
     pub radiosity: Vec<f64>,
-    /// The error of B by form factors and solver, W·m⁻², \[n\]; infinite where nothing is known.
+    /// The error of B by form factors and solver, W·m⁻², \[n\]; infinite where unknown.
     pub radiosity_error: Vec<f64>,
     /// H, light from outside included, W·m⁻², \[n\].
     pub irradiance: Vec<f64>,
-    /// The error of H by form factors and solver, W·m⁻², \[n\]; infinite where nothing is known.
+    /// The error of H by form factors and solver, W·m⁻², \[n\]; infinite where unknown.
     pub irradiance_error: Vec<f64>,
-    /// The errors of B and H by form factors and solver alone, W·m⁻², \[n\] each: those of a thermal band have that of the solar light by the mesh too.
+    /// The errors of B and H by form factors and solver alone, W·m⁻², \[n\] each.
+    ///
+    /// In a thermal band, [`radiosity_error`](Self::radiosity_error) and [`irradiance_error`](Self::irradiance_error) also include the error of the solar light by the mesh.
     pub own_errors: [Vec<f64>; 2],
-    /// The change by a mesh of about a quarter of the patches in H, W·m⁻², \[n\]; `None` where that is not known.
+    /// The change of H by a mesh of about a quarter of the patches, W·m⁻², \[n\]; `None` where it is unknown.
     pub mesh_change: Option<Vec<f64>>,
     /// Σ A |r|, the power that the solver left out, W.
     pub residual_power: f64,
@@ -67,7 +69,7 @@ impl Band {
         }
     }
 
-    /// States that nothing is known of the errors by form factors and solver.
+    /// Sets the errors by form factors and solver to unknown.
     pub(crate) fn forget_errors(&mut self) {
         let [own_radiosity, own_irradiance] = &mut self.own_errors;
         let errors = [
@@ -81,7 +83,7 @@ impl Band {
         }
     }
 
-    /// Returns the whole error of H of a patch, that of the mesh included.
+    /// Returns the whole error of H of a patch, with that of the mesh.
     pub(super) fn irradiance_error_with_mesh(&self, i: usize) -> f64 {
         self.irradiance_error[i] + self.mesh_change.as_ref().map_or(0.0, |change| change[i].abs())
     }
@@ -101,9 +103,9 @@ impl Enclosure<'_> {
         self.received(&Block::from_values(ones, 1)).values().to_vec()
     }
 
-    /// Returns the power that an `operator` R F makes for want of reciprocity, m², \[n\].
+    /// Returns the power that an `operator` R F gains where form factors lack reciprocity, m², \[n\].
     ///
-    /// Σ_i A_i (R F)_ij is Σ_i A_i F_ij, as A R is symmetric with rows that sum to A for all that it mixes. Only row sums change: g_j = Σ_i A_i F_ij − A_j Σ_k (R F)_jk.
+    /// Σ_i A_i (R F)_ij = Σ_i A_i F_ij, as A R is symmetric and its rows sum to A where it mixes patches; only row sums change: g_j = Σ_i A_i F_ij − A_j Σ_k (R F)_jk.
     pub(crate) fn gain_of(&self, operator: &dyn LinearOperator) -> Vec<f64> {
         let ones = Block::from_values(vec![1.0; self.sky.len()], 1);
         let mut mixed = Block::zeros(self.sky.len(), 1);
@@ -116,7 +118,7 @@ impl Enclosure<'_> {
             .collect()
     }
 
-    /// Returns whether a row lets light out, as [`RadiositySystem`] judges it from row sums s.
+    /// Returns whether a row lets light out by its sum, with the criterion of [`RadiositySystem`].
     pub(crate) fn lets_out(&self, i: usize, row_sum: f64) -> bool {
         !self.closed_rows[i] && row_sum < 1.0 - f64::from(f32::EPSILON)
     }
@@ -142,15 +144,15 @@ impl Enclosure<'_> {
         }
     }
 
-    /// Returns whether the escaping fraction is 1 less the row sum: then its errors and those of the row cancel.
+    /// Returns whether the escaping fraction is 1 less the row sum, so that its errors and those of the row cancel.
     fn is_remainder(&self, i: usize) -> bool {
         self.sky[i].value > 0.0 && self.factors.tallies()[i].n_rays == 0
     }
 
-    /// Returns what the errors of form factors make wrong of H = F B, W·m⁻², \[n, c\]; the surroundings have a `radiosity` of their own.
+    /// Returns the error of H = F B by the errors of form factors, W·m⁻², \[n, c\], for surroundings of the given radiosity.
     ///
-    /// The errors of a row that is known to sum to 1 cancel but for the differences of radiosities: they count relative to the irradiance itself. So do those of a row whose remainder sees the surroundings,
-    /// relative to these.
+    /// The errors of a row with known sum 1 cancel except for differences of radiosities, so they count relative to the irradiance itself. Those of a row whose remainder sees the surroundings
+    /// count relative to the radiosity of these.
     fn wrong(&self, b: &Block, received: &Block, surroundings: f64) -> Block {
         let mut references = Block::zeros(b.n_rows(), b.n_channels());
         for i in 0..b.n_rows() {
@@ -172,15 +174,15 @@ impl Enclosure<'_> {
     }
 }
 
-/// A band that is solved for several boundary conditions, each a channel, and what its errors depend on.
+/// A band that is solved for several boundary conditions, each a channel, with the input of its errors.
 pub(crate) struct Solved<'a> {
     pub(crate) enclosure: Enclosure<'a>,
     /// R F or F.
     pub(crate) operator: &'a dyn LinearOperator,
-    /// The part of each row that the operator leaves out of R.
+    /// The part of R that the operator omits, for each row.
     pub(crate) reflectance: &'a Block,
     pub(crate) outside: &'a Outside,
-    /// The error of what is emitted, W·m⁻², \[n, c\]: by form factors and solver, and that of the mesh included.
+    /// The errors of the emitted light, W·m⁻², \[n, c\]: by form factors and solver, and with that of the mesh.
     pub(crate) emitted_error: [&'a Block; 2],
     /// The solver's residual, W·m⁻², \[n, c\].
     pub(crate) residual: &'a Block,
@@ -188,9 +190,9 @@ pub(crate) struct Solved<'a> {
 }
 
 impl Solved<'_> {
-    /// Returns the band of each channel with the errors that come from form factors, from outside and from the solver; `reflect`: x ← R x.
+    /// Returns the band of each channel with its errors by form factors, light from outside and solver; `reflect`: x ← R x.
     ///
-    /// e = (I − R F)⁻¹ (R w + e_E + |r|) and e_H = F e + w, with w what is wrong of H by the errors of F and of the light from outside. All of it is to first order, with the sum of all orders as in
+    /// e = (I − R F)⁻¹ (R w + e_E + |r|) and e_H = F e + w, with w the error of H by the errors of F and of the light from outside. All terms are of first order, with the sum of all reflections as in
     /// [`carried_error`](crate::solver::carried_error).
     ///
     /// # Errors
@@ -231,7 +233,7 @@ impl Solved<'_> {
         Ok((0..radiosity.n_channels()).map(of_channel).collect())
     }
 
-    /// Returns the errors e of B and e_H of H, where what is emitted has an error of its own and `wrong` is what is wrong of H.
+    /// Returns the errors e of B and e_H of H; `emitted_error` is that of the emitted light and `wrong` that of H by form factors.
     fn errors(
         &self,
         emitted: &Block,
@@ -269,7 +271,7 @@ impl Solved<'_> {
         let system = match RadiositySystem::new(self.operator, areas, self.reflectance.clone(), source) {
             Ok(system) => system,
             Err(error @ SolverError::Disk(_)) => return Err(error),
-            // Errors so great, or an enclosure that lets out so little, have no estimate.
+            // Errors that large, or an enclosure that lets out so little, have no estimate.
             Err(_) => return Ok(unknown()),
         };
         let mut sizes = received.clone();
@@ -307,7 +309,7 @@ pub(crate) fn solar_system(network: &Network, direct: &Block) -> (Block, Block) 
     (reflectance, exitance)
 }
 
-/// Returns the exitance of the thermal band, E of B = E + R F B, W·m⁻², and its errors by those of what is absorbed of the sun, \[n\] each.
+/// Returns the exitance E of the thermal band, B = E + R F B, W·m⁻², and its errors by those of the absorbed solar heat, \[n\] each.
 ///
 /// `outside`: the irradiance from outside, W·m⁻², \[n\]; `absorbed`: the absorbed solar heat and its error, W·m⁻², \[n\]; `own_error`: that error without the mesh's.
 pub(crate) fn thermal_exitance(

@@ -1,4 +1,4 @@
-//! Boundary conditions of a scene: what surfaces are made of, what holds at them, and what is around.
+//! Boundary conditions of a scene: the properties of surfaces, their thermal conditions, and the surroundings with sun and sky.
 
 use std::path::{Path, PathBuf};
 
@@ -10,10 +10,10 @@ use crate::printable::counted;
 use crate::scene::toml_file::TomlFile;
 use crate::scene::{Scene, SceneError, SceneErrorKind};
 
-/// The greatest temperature, K: its fourth power leaves room for what is computed from it.
+/// The greatest temperature, K: its fourth power leaves a margin in the range of f64.
 pub const MAX_TEMPERATURE_K: f64 = 1e30;
 
-/// The greatest heat flux and irradiance, W·m⁻²; as heat of a node, W.
+/// The greatest heat flux and irradiance, W·m⁻²; for the heat of a node, W.
 pub const MAX_FLUX: f64 = 1e100;
 
 /// The surroundings of a scene, its sun and sky, and the boundary condition of each surface.
@@ -39,7 +39,7 @@ pub const MAX_FLUX: f64 = 1e100;
 /// supplied_w = 40.0           # heat that is supplied to the node as a whole; default 0
 /// ```
 ///
-/// Of several entries that match a surface a later one replaces single keys of an earlier one, and its condition the earlier condition.
+/// If several entries match a surface, a later one replaces single keys of an earlier one, and its condition replaces the earlier condition.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Boundary {
     /// The name in messages: its file.
@@ -50,28 +50,28 @@ pub struct Boundary {
     pub sun: Option<Sun>,
     /// The sky, if it shines.
     pub sky: Option<Sky>,
-    /// The boundary condition of each surface of the scene, in its order; `None` of a surface without faces.
+    /// The boundary condition of each surface of the scene, in its order; `None` for a surface without faces.
     pub surfaces: Vec<Option<SurfaceBoundary>>,
-    /// Values of single patches, in place of those of their surfaces, in the same order; empty where there are none at all.
+    /// Values of single patches, in place of those of their surfaces, in the same order; empty if there are none.
     pub patch_values: Vec<PatchValues>,
     /// The nodes.
     pub nodes: Vec<Node>,
-    /// Where the values of each surface stand in the file, in the same order; empty where they are from none.
+    /// The lines of the file that set the values of each surface, in the same order; empty without a file.
     pub lines: Vec<SurfaceLines>,
 }
 
-/// The lines of a file that give the values of a surface, from 1; 0 where none does.
+/// The lines of a file that set the values of a surface, from 1; 0 where none does.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SurfaceLines {
-    /// That of ε.
+    /// The line of ε.
     pub emissivity: u32,
-    /// That of α, or of ε where α is not given.
+    /// The line of α, or of ε where α is not given.
     pub absorptance: u32,
-    /// That of the condition.
+    /// The line of the condition.
     pub condition: u32,
 }
 
-/// Parallel light, or that of a uniform disc, in the solar band.
+/// Parallel light, or light of a uniform disc, in the solar band.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sun {
     pub(super) direction: DVec3,
@@ -79,7 +79,7 @@ pub struct Sun {
     pub(super) angular_radius_deg: f64,
 }
 
-/// Light that comes evenly from the hemisphere about a direction, in the solar band.
+/// Uniform light from the hemisphere about a direction, in the solar band.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sky {
     irradiance: f64,
@@ -97,18 +97,20 @@ pub struct SurfaceBoundary {
     pub condition: Condition,
 }
 
-/// Values of the single patches of a surface: one for each patch of the surface, or of the scene, in the order of the mesh; empty where all patches have that of the surface.
+/// Values of the single patches of a surface, in the order of the mesh; empty where all patches have that of the surface.
+///
+/// Each list has one value for each patch of the surface, or of the scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PatchValues {
     /// ε, in (0, 1\].
     pub emissivity: Vec<f64>,
     /// α, in \[0, 1\].
     pub absorptance: Vec<f64>,
-    /// The number of the surface's condition: a temperature, K, or a supplied heat, W·m⁻².
+    /// The numbers of the surface's condition: temperatures, K, or supplied heats, W·m⁻².
     pub condition: Vec<f64>,
 }
 
-/// The place of a patch among those of its surface and those of the scene, each with the number of these.
+/// The index of a patch among those of its surface and among those of the scene, each with the number of these.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PatchPlace {
     pub(super) in_surface: (usize, usize),
@@ -116,7 +118,7 @@ pub(super) struct PatchPlace {
 }
 
 impl PatchPlace {
-    /// Returns the value of the patch; `None` where all patches of the surface have one.
+    /// Returns the value of the patch; `None` where all patches of the surface share one.
     fn pick(self, key: &'static str, values: &[f64]) -> Result<Option<f64>, OutOfRange> {
         let ((k, n_own), (i, n)) = (self.in_surface, self.in_scene);
         match values.len() {
@@ -137,13 +139,13 @@ impl PatchPlace {
 /// The thermal boundary condition of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Condition {
-    /// Its temperature is given, K.
+    /// A given temperature, K.
     Temperature(f64),
-    /// Each patch by itself is supplied with so much heat, W·m⁻²; 0 is adiabatic.
+    /// A given heat supply of each patch, W·m⁻²; 0 is adiabatic.
     Supplied(f64),
-    /// It is a part of the node of this number, with one temperature for all of it.
+    /// Membership of the node of this number, whose surfaces share one temperature.
     Node(usize),
-    /// It is one side of a sheet whose other side is the surface of this number: coincident patches have one temperature.
+    /// One side of a sheet whose other side is the surface of this number: coincident patches have one temperature.
     OtherSide(usize),
 }
 
@@ -159,14 +161,16 @@ pub struct Node {
 /// Returns an error of boundary conditions.
 const BAD: fn(String) -> SceneErrorKind = |message| SceneErrorKind::BadBoundary { message };
 
-/// A value that is out of its range: its key, and what is wrong with it.
+/// A value out of its range: its key, and the fault.
 pub(super) type OutOfRange = (&'static str, String);
 
 impl Sun {
-    /// Returns a sun in a `direction` of any length, with its `irradiance` on a plane that faces it, W·m⁻², and the angular radius of its disc, which is a point at 0.
+    /// Returns a sun in a `direction` of any length, with its `irradiance` on a plane that faces it, W·m⁻².
+    ///
+    /// The disc has the given angular radius; a radius of 0 is a point.
     ///
     /// # Errors
-    /// The key and what is wrong: a direction that is zero or not finite, an irradiance that is negative or above [`MAX_FLUX`], a radius outside \[0, 45\] degrees.
+    /// The key and the fault: a direction that is zero or not finite, an irradiance that is negative or above [`MAX_FLUX`], a radius outside \[0, 45\] degrees.
     pub fn new(direction: DVec3, irradiance: f64, angular_radius_deg: f64) -> Result<Self, (&'static str, String)> {
         let direction = unit("direction", direction)?;
         expect_light(irradiance)?;
@@ -204,7 +208,7 @@ impl Sky {
     /// Returns a sky with its `irradiance` on an unoccluded plane that faces `up`, W·m⁻².
     ///
     /// # Errors
-    /// The key and what is wrong: as for [`Sun::new`].
+    /// The key and the fault, as for [`Sun::new`].
     pub fn new(irradiance: f64, up: DVec3) -> Result<Self, (&'static str, String)> {
         let up = unit("up", up)?;
         expect_light(irradiance)?;
@@ -226,7 +230,7 @@ impl Sky {
 
 fn unit(key: &'static str, direction: DVec3) -> Result<DVec3, OutOfRange> {
     let largest = direction.abs().max_element();
-    // Divided first, so that no square leaves the range of numbers.
+    // The division keeps squares within the range of f64.
     let scaled = (direction / largest).try_normalize().filter(|_| largest.is_finite());
     scaled.ok_or_else(|| (key, "zero or not finite; correct it".to_owned()))
 }
@@ -239,7 +243,7 @@ fn expect_light(irradiance: f64) -> Result<(), OutOfRange> {
     Err(("irradiance_w_m2", message))
 }
 
-/// Refuses a temperature, K, that is negative, no number or too great.
+/// Refuses a temperature, K, that is negative, NaN or too great.
 pub(super) fn expect_temperature(kelvin: f64) -> Result<(), OutOfRange> {
     let wrong = match kelvin {
         t if t < 0.0 => "is negative; give kelvin",
@@ -249,7 +253,7 @@ pub(super) fn expect_temperature(kelvin: f64) -> Result<(), OutOfRange> {
     Err(("temperature_k", format!("{kelvin:?} {wrong}")))
 }
 
-/// Refuses a heat, W or W·m⁻², that is no number or too great.
+/// Refuses a heat, W or W·m⁻², that is NaN or too great.
 pub(super) fn expect_heat(key: &'static str, heat: f64) -> Result<(), OutOfRange> {
     if heat.abs() <= MAX_FLUX {
         return Ok(());
@@ -261,17 +265,17 @@ pub(super) fn expect_heat(key: &'static str, heat: f64) -> Result<(), OutOfRange
 }
 
 impl SurfaceBoundary {
-    /// Returns the same with another emissivity.
+    /// Returns the boundary condition with another emissivity.
     pub(super) fn with_emissivity(self, emissivity: f64) -> Self {
         Self { emissivity, ..self }
     }
 
-    /// Returns the same with another absorptance.
+    /// Returns the boundary condition with another absorptance.
     pub(super) fn with_absorptance(self, absorptance: f64) -> Self {
         Self { absorptance, ..self }
     }
 
-    /// Returns the same with another number of the condition; nodes and sheets have none.
+    /// Returns the boundary condition with another value; nodes and sheets have none.
     pub(super) fn with_condition(self, value: f64) -> Self {
         let condition = match self.condition {
             Condition::Temperature(_) => Condition::Temperature(value),
@@ -304,10 +308,10 @@ impl SurfaceBoundary {
 }
 
 impl Boundary {
-    /// Returns what holds at a patch of a surface.
+    /// Returns the boundary condition of a patch of a surface.
     ///
     /// # Errors
-    /// Values out of range, or not one for each patch.
+    /// Values out of range, or lists of a wrong length.
     pub(super) fn of_patch(&self, surface: usize, place: PatchPlace) -> Result<Option<SurfaceBoundary>, OutOfRange> {
         let Some(mut own) = self.surfaces[surface] else {
             return Ok(None);
@@ -331,7 +335,7 @@ impl Boundary {
         own.checked().map(Some)
     }
 
-    /// Returns the line of the file that an error is about, where that is known.
+    /// Returns the line of the file that an error concerns, if known.
     pub(crate) fn line_of(&self, error: &HeatError, scene: &Scene) -> Option<u32> {
         let (name, key) = error.place()?;
         let k = scene.surfaces.iter().position(|surface| surface.name == name)?;
@@ -344,7 +348,7 @@ impl Boundary {
         (line > 0).then_some(line)
     }
 
-    /// Returns whether patches of a surface have temperatures of their own.
+    /// Returns whether patches of a surface have conditions of their own.
     pub(super) fn has_patch_conditions(&self, surface: usize) -> bool {
         let values = self.patch_values.get(surface);
         values.is_some_and(|values| !values.condition.is_empty())
@@ -353,14 +357,14 @@ impl Boundary {
     /// Reads the boundary conditions of a scene from a TOML file.
     ///
     /// # Errors
-    /// A file that cannot be read; [`BadBoundary`](crate::scene::SceneErrorKind::BadBoundary), with the line, for what is no such TOML, a value out of its range, two conditions in one entry, a surface
-    /// without a condition or an emissivity, and names that match nothing.
+    /// A file that cannot be read; [`BadBoundary`](crate::scene::SceneErrorKind::BadBoundary), with the line, for text that is no such TOML, a value out of its range, two conditions in one entry, a
+    /// surface without a condition or an emissivity, and names that match nothing.
     pub fn load(file: impl AsRef<Path>, scene: &Scene) -> Result<Self, SceneError> {
         let file = file.as_ref();
         Self::of(&TomlFile::read(file, BAD)?, file, scene)
     }
 
-    /// Reads the boundary conditions of a scene from a text in TOML; `name` is what messages call it.
+    /// Reads the boundary conditions of a scene from a text in TOML; messages call it `name`.
     ///
     /// # Errors
     /// As [`load`](Self::load).
@@ -369,7 +373,7 @@ impl Boundary {
         Self::of(&TomlFile::of_text(name.clone(), text, BAD), &name, scene)
     }
 
-    /// Reads the boundary conditions of a scene from parts of a text in TOML with a name each, by which messages call them; `name` is that of the whole.
+    /// Reads the boundary conditions of a scene from named parts of a text in TOML; `name` is that of the whole.
     ///
     /// # Errors
     /// As [`load`](Self::load), with the name of the part in place of the line.

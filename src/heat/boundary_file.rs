@@ -1,4 +1,4 @@
-//! The file of boundary conditions: entries, patterns, and which of them holds at a surface.
+//! Reads the file of boundary conditions: entries, patterns, and the values that they give each surface.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -15,12 +15,12 @@ use crate::scene::table::{Content, Table, three};
 use crate::scene::toml_file::{TomlFile, first_names, fits};
 use crate::scene::{Scene, SceneError};
 
-/// Returns a name as messages show it.
+/// Returns a name formatted for messages.
 fn ticked(name: &str) -> String {
     format!("`{}`", quoted(name))
 }
 
-/// The conditions that an entry may have, as messages name them.
+/// The possible conditions of an entry, for messages.
 const CONDITIONS: &str = "`temperature_k`, `supplied_w_m2`, `adiabatic = true`, `node` or `other_side`";
 
 #[derive(Deserialize)]
@@ -91,7 +91,7 @@ fn not_empty<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::
 }
 
 impl Amount {
-    /// Returns the number, the first of several.
+    /// Returns the number, or the first of several.
     fn first(&self) -> f64 {
         match self {
             Self::All(value) => *value,
@@ -99,7 +99,7 @@ impl Amount {
         }
     }
 
-    /// Returns the numbers of single patches, if they have such.
+    /// Returns the numbers of single patches, or none.
     fn each(self) -> Vec<f64> {
         match self {
             Self::All(_) => Vec::new(),
@@ -142,7 +142,7 @@ impl Content for NodeInFile {
     const EXPECTED: &'static str = "a table with a `name`, as in [[node]]";
 }
 
-/// A condition as an entry has it, and the byte where it stands.
+/// A condition of an entry, and its byte position.
 #[derive(Clone)]
 struct Given {
     condition: GivenCondition,
@@ -204,7 +204,7 @@ impl Entry {
     }
 }
 
-/// The last value of a key that entries give to a surface: one of an entry with the exact name, else one of a pattern.
+/// The last value of a key that entries set for a surface: one of an entry with the exact name takes precedence over one of a pattern.
 #[derive(Clone)]
 struct Latest<T> {
     exact: Option<T>,
@@ -234,12 +234,12 @@ struct Collected {
     emissivity: Latest<(Amount, usize)>,
     absorptance: Latest<(Amount, usize)>,
     condition: Latest<Given>,
-    /// Where the last entry begins that matches.
+    /// The start of the last entry that matches.
     start: Option<usize>,
 }
 
 impl BoundaryFile {
-    /// Returns what holds at each surface of a scene.
+    /// Returns the boundary condition of each surface of a scene.
     pub(super) fn resolved(self, path: &Path, file: &TomlFile, scene: &Scene) -> Result<Boundary, SceneError> {
         let out_of_range = |start: usize, what: &str, (key, wrong): OutOfRange| {
             let joint = if what.is_empty() { "" } else { "." };
@@ -353,7 +353,7 @@ fn nodes(given: &[Spanned<Table<NodeInFile>>], file: &TomlFile) -> Result<Vec<No
     Ok(nodes)
 }
 
-/// Gathers what the entries say of each surface.
+/// Collects the values that the entries set for each surface.
 fn collected(entries: &[Spanned<Table<Entry>>], file: &TomlFile, scene: &Scene) -> Result<Vec<Collected>, SceneError> {
     let nothing = Collected {
         emissivity: Latest::NONE,
@@ -393,7 +393,7 @@ fn collected(entries: &[Spanned<Table<Entry>>], file: &TomlFile, scene: &Scene) 
             return Err(file.bad(entry.name.span().start, message));
         }
     }
-    // A surface that another names as its other side has that condition, as if by an entry with its own name; where that is contradicted, `both_sides` refuses it.
+    // A surface that another names as its other side gets that condition, as if by an entry with its own name; `both_sides` refuses contradictions.
     for k in 0..collected.len() {
         let Some(Given {
             condition: GivenCondition::OtherSide(name),
@@ -414,7 +414,7 @@ fn collected(entries: &[Spanned<Table<Entry>>], file: &TomlFile, scene: &Scene) 
     Ok(collected)
 }
 
-/// The boundary condition of a surface, the byte where it stands, and values of single patches.
+/// The boundary condition of a surface, its byte position, and values of single patches.
 struct Resolved {
     surface: SurfaceBoundary,
     start: usize,
@@ -423,7 +423,7 @@ struct Resolved {
 }
 
 impl GivenCondition {
-    /// Returns the number of the condition, if it has one.
+    /// Returns the numbers of the condition, if it has any.
     fn amount(&self) -> Option<&Amount> {
         match self {
             Self::Temperature(amount) | Self::Supplied(amount) => Some(amount),
@@ -432,7 +432,7 @@ impl GivenCondition {
     }
 }
 
-/// Returns what holds at each surface with faces.
+/// Returns the boundary condition of each surface with faces.
 fn conditions(
     collected: Vec<Collected>,
     nodes: &[Node],

@@ -1,19 +1,19 @@
-//! Why boundary conditions have no solution on a scene.
+//! Errors of boundary conditions that have no solution on a scene.
 
 use crate::printable::{counted, printable_message};
 
-/// Why boundary conditions do not fit a scene, or have no temperatures.
+/// A reason why boundary conditions do not fit a scene, or have no temperatures.
 ///
-/// Every message is one line: what is wrong, the number, and the remedy.
+/// Every message is one line: the fault, the number, and the remedy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum HeatError {
-    /// There is not one condition for every surface.
+    /// The number of conditions differs from that of the surfaces.
     #[error("boundary conditions for {found} surfaces, and the scene has {expected}; make them for this scene")]
     OtherScene {
-        /// Surfaces of the scene.
+        /// The number of surfaces of the scene.
         expected: usize,
-        /// The surfaces that have a condition.
+        /// The number of surfaces with a condition.
         found: usize,
     },
     /// A value of a surface is out of its range.
@@ -21,9 +21,9 @@ pub enum HeatError {
     OutOfRange {
         /// The surface.
         surface: String,
-        /// The fault.
+        /// The key of the value.
         key: &'static str,
-        /// How.
+        /// The fault.
         wrong: String,
     },
     /// Two sides of a sheet do not coincide.
@@ -35,7 +35,7 @@ pub enum HeatError {
     Apart {
         /// The surfaces.
         surfaces: [String; 2],
-        /// The patches of the first that have no counterpart.
+        /// The number of patches of the first that have no counterpart.
         n_alone: usize,
     },
     /// Nothing determines the temperatures of an enclosure.
@@ -46,21 +46,21 @@ pub enum HeatError {
     NoTemperature {
         /// A surface of it.
         surface: String,
-        /// The patches of it.
+        /// The number of its patches.
         n_patches: usize,
         /// The heat that is supplied to it, solar heat included, W.
         imbalance_w: f64,
-        /// True if that is 0 to rounding: then any temperature will do.
+        /// True if that is 0 to rounding: then every temperature is a solution.
         has_solutions: bool,
     },
-    /// More heat leaves a surface than arrives at absolute zero.
+    /// More heat is removed from a surface than it can absorb at absolute zero.
     #[error("{}", printable_message(&format!(
         "surface `{surface}` has no temperature: {taken:.3e} W/m² are removed from a patch, more than the {arriving:.3e} W/m² that it can absorb; raise its supplied heat"
     )))]
     BelowZero {
         /// The surface.
         surface: String,
-        /// The heat that is taken from a patch, W·m⁻².
+        /// The heat removed from a patch, W·m⁻².
         taken: f64,
         /// The flux that it would absorb at 0 K, W·m⁻².
         arriving: f64,
@@ -68,7 +68,7 @@ pub enum HeatError {
 }
 
 impl HeatError {
-    /// Returns the surface that the error is about, and the key of its entry; nothing for the key is the condition.
+    /// Returns the surface that the error concerns, and the key of its entry; an empty key means the condition.
     pub(super) fn place(&self) -> Option<(&str, &'static str)> {
         match self {
             Self::OtherScene { .. } => None,

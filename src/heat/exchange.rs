@@ -7,20 +7,20 @@ use super::network::Network;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::solver::{Solution, irradiance_error};
 
-/// The name of the node that stands for all that escapes.
+/// The name of the node that absorbs all escaping radiation.
 pub const SURROUNDINGS: &str = "surroundings";
 
-/// The fractions of what nodes emit that nodes absorb, on the direct way and over all reflections.
+/// The fractions of the radiation emitted by nodes that nodes absorb, directly and over all reflections.
 ///
-/// G_ij is emitted by i and absorbed by j, script-F_ij = ε_i G_ij, and the conductor ε_i A_i G_ij, in m², times σ (T_i⁴ − T_j⁴) is the heat that flows from i to j. The last node is the black surroundings, with
-/// what black backs of faces take: rows sum to 1.
+/// G_ij is emitted by i and absorbed by j, script-F_ij = ε_i G_ij, and the conductor ε_i A_i G_ij, in m², times σ (T_i⁴ − T_j⁴) is the heat flow from i to j. The last node is the black surroundings,
+/// which include the absorption of black back faces: rows sum to 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExchangeFactors {
     /// The names of the nodes, the surroundings last.
     pub names: Vec<String>,
-    /// ε A of each node, m²; of the surroundings Σ A s, with s the fraction that escapes of what leaves a patch.
+    /// ε A of each node, m²; for the surroundings Σ A s, with s the fraction of the light of a patch that escapes.
     pub emitting_area: Vec<f64>,
-    /// ε of each node: its mean by area; 1 of the surroundings.
+    /// The area-mean ε of each node; 1 for the surroundings.
     pub emissivity: Vec<f64>,
     /// G, \[m, m\], row by row.
     pub gebhart: Vec<f64>,
@@ -28,14 +28,14 @@ pub struct ExchangeFactors {
     pub gebhart_error: Vec<f64>,
 }
 
-/// The nodes beside the surroundings.
+/// The nodes without the surroundings.
 pub(crate) struct Nodes {
     pub(crate) names: Vec<String>,
     /// The node of each patch, \[n\].
     pub(crate) of_patch: Vec<usize>,
 }
 
-/// Sums of what is absorbed, as columns are found.
+/// Sums of absorbed radiation, accumulated while columns are computed.
 pub(crate) struct Gathered<'a> {
     network: &'a Network,
     enclosure: Enclosure<'a>,
@@ -60,7 +60,7 @@ impl<'a> Gathered<'a> {
         self.nodes.names.len() + 1
     }
 
-    /// Returns ρ and E of the systems whose irradiances are columns of G: those of the nodes in a range, and of the surroundings, \[n, c\] each.
+    /// Returns ρ and E of the systems whose irradiances are columns of G, \[n, c\] each: those of the nodes in a range, and of the surroundings.
     ///
     /// G = (I − F ρ)⁻¹ F ε column by column: H = D + F B and B = E + ρ H, with E = ε on the patches of a node and D = 0, or E = ρ D and D = s for the surroundings.
     pub(crate) fn system(&self, columns: &Range<usize>) -> (Block, Block) {
@@ -87,7 +87,7 @@ impl<'a> Gathered<'a> {
         self.enclosure.sky[i].value + self.enclosure.backs[i].value
     }
 
-    /// Takes in the irradiances of a system; `carried`: the errors of its radiosities.
+    /// Adds the irradiances of a system; `carried`: the errors of its radiosities.
     pub(crate) fn take(&mut self, columns: &Range<usize>, solution: &Solution, carried: Option<&Block>) {
         let factors = self.enclosure.factors;
         let (b, h) = (&solution.radiosity, &solution.irradiance);
@@ -121,9 +121,9 @@ impl<'a> Gathered<'a> {
         }
     }
 
-    /// Returns the factors, once all columns are taken in.
+    /// Returns the factors, once all columns are added.
     ///
-    /// Conductors are averaged with their reverse: they are symmetric but for errors. The surroundings emit what they send in, Σ A s, and what of it is absorbed nowhere goes back to them.
+    /// Conductors are averaged with their reverse, which makes them symmetric. The surroundings emit Σ A s, and the part of it that no node absorbs returns to them.
     pub(crate) fn factors(self) -> ExchangeFactors {
         let m = self.nodes.names.len();
         let (mut areas, mut emitting_area) = (vec![0.0; m], vec![0.0; m]);

@@ -1,4 +1,4 @@
-//! Points inside of solids.
+//! Detects points inside solids.
 
 use std::f64::consts::PI;
 
@@ -8,10 +8,10 @@ use crate::geometry::polygon::solid_angle;
 use crate::scene::topology::Pieces;
 use crate::scene::{FaceId, Scene};
 
-/// The winding number from which a point counts as inside: that of the edge of a piece's one flat opening.
+/// The winding number from which a point counts as inside: that at the edge of a piece's only flat opening.
 const INSIDE: f64 = 0.5 + 1e-9;
 
-/// The connected pieces of a scene's surface, with what closes those that stand on others.
+/// The connected pieces of a scene's surface, with the caps of those that stand on others.
 pub(crate) struct Solids {
     pieces: Pieces,
     /// The faces of each piece.
@@ -36,10 +36,11 @@ impl Solids {
         self.pieces.of_face(face)
     }
 
-    /// Returns whether a point is inside of one of the pieces whose backs it sees.
+    /// Returns whether a point is inside one of the pieces whose backs it sees.
     ///
-    /// By the winding number Σ Ω / 4π over its faces, positive where their backs are seen: 1 inside of a closed piece that faces outwards and 0 outside of it, above 1/2 also inside of one with a single flat
-    /// opening. Source: A. Jacobson, L. Kavan, O. Sorkine-Hornung, "Robust inside-outside segmentation using generalized winding numbers", ACM Transactions on Graphics 32(4), 2013. Departures: none.
+    /// The criterion is the winding number Σ Ω / 4π over the faces of a piece, positive where their backs are seen: 1 inside a closed piece that faces outwards and 0 outside of it, above 1/2 also
+    /// inside one with a single flat opening. Source: A. Jacobson, L. Kavan, O. Sorkine-Hornung, "Robust inside-outside segmentation using generalized winding numbers", ACM Transactions on Graphics
+    /// 32(4), 2013. Departures: none.
     pub(super) fn contain(&self, seen_from_behind: &mut Vec<u32>, point: DVec3) -> bool {
         seen_from_behind.sort_unstable();
         seen_from_behind.dedup();

@@ -1,18 +1,18 @@
-//! Radiative heat transfer: boundary conditions, two bands, sun and sky; temperatures and net fluxes, each with its error.
+//! Radiative heat transfer: temperatures and net fluxes, each with its error, from boundary conditions in two bands, with sun and sky.
 //!
-//! Surfaces are gray and diffuse in each of two bands that do not mix. In the solar band nothing is emitted, and what arrives straight from sun and sky is reflected on:
+//! Surfaces are grey and diffuse in each of two bands that do not mix. In the solar band nothing is emitted, and light D straight from sun and sky is reflected:
 //!
 //! H = D + F B, B = (1 − α) H, absorbed α H.
 //!
-//! In the thermal band the surroundings are black, with M₀ = σ T₀⁴ and the fraction s that escapes of each patch's light:
+//! In the thermal band the surroundings are black, with M₀ = σ T₀⁴ and s the fraction of each patch's light that escapes:
 //!
 //! H = s M₀ + F B, B = ε M + (1 − ε) H, M = σ T⁴, q = B − H = ε (M − H).
 //!
-//! A patch has a given T, or it is a member of a [group](Network) with one unknown T whose net heat Σ A q is what is supplied to it and what it absorbs of the sun: one patch where a flux is supplied, the two
-//! sides of a sheet, all patches of a node. M = Q / S + Σ w H then, with S = Σ A ε and w = A ε / S, so that all conditions are one linear system B = E + R F B, in which R is not negative and its rows sum to at
-//! most 1. The [solvers](crate::solver) solve it as it is: no further right-hand side for nodes, and no iteration around the solution.
+//! A patch has a given T, or it is a member of a [group](Network) with one unknown T whose net heat Σ A q is its supplied heat and absorbed solar heat. A group is one patch where a flux is supplied,
+//! the two sides of a sheet, or all patches of a node. Then M = Q / S + Σ w H, with S = Σ A ε and w = A ε / S, so all conditions form one linear system B = E + R F B, in which R is not negative and
+//! its rows sum to at most 1. The [solvers](crate::solver) solve it directly: nodes need no further right-hand side, and no outer iteration is needed.
 //!
-//! Temperatures follow from H, never from the difference of B and H. Backs of faces are black, at 0 K. `docs/heat.md` has the equations with their errors.
+//! Temperatures follow from H rather than from the difference of B and H. Backs of faces are black, at 0 K. `docs/heat.md` has the equations with their errors.
 
 mod band;
 mod boundary;

@@ -1,4 +1,4 @@
-//! Boundary conditions on the patches of a mesh: which temperatures are given, and which patches share an unknown one.
+//! Boundary conditions on the patches of a mesh: given temperatures, and groups of patches that share an unknown one.
 
 use super::boundary::{Boundary, Condition, PatchPlace};
 use super::error::HeatError;
@@ -9,17 +9,17 @@ use crate::matrix::{DiskError, FormFactors};
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 
-/// Patches coincide where their corners differ by less than this part of the size of the scene.
+/// The greatest difference of the corners of coincident patches, in units of the size of the scene.
 const COINCIDENT: f64 = 1e-9;
 
-/// Supplied heats below this part of their sizes sum to zero but for rounding.
+/// The relative sum below which supplied heats balance up to rounding.
 const BALANCED_TO: f64 = 1e-12;
 
 /// The boundary conditions of every patch.
 ///
-/// A patch either has a given emissive power M = σ T⁴, or it is a member of a group of patches with one unknown M and a supplied heat: one patch alone where a flux is supplied, the two sides of a sheet, all
-/// patches of a node. A group's balance Σ A ε (M − H) = Q gives M = Q / S + Σ w H with S = Σ A ε and w = A ε / S, and B = ε M + (1 − ε) H is linear in H with weights that are not negative and sum to 1:
-/// B = E + R H, for all patches together.
+/// A patch has a given emissive power M = σ T⁴, or is a member of a group of patches with one unknown M and a supplied heat. A group is one patch where a flux is supplied, the two sides of a sheet,
+/// or all patches of a node. Its balance Σ A ε (M − H) = Q gives M = Q / S + Σ w H with S = Σ A ε and w = A ε / S. B = ε M + (1 − ε) H is then linear in H with weights that are not negative and sum
+/// to 1: B = E + R H, for all patches together.
 #[derive(Clone, Debug)]
 pub struct Network {
     /// ε, \[n\].
@@ -35,9 +35,9 @@ pub struct Network {
 /// The quantity that determines the temperature of a patch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum State {
-    /// It is given: T in K.
+    /// A given temperature, K.
     Given(f64),
-    /// The group of this number has one temperature.
+    /// The temperature of the group of this number.
     Member(usize),
 }
 
@@ -48,7 +48,7 @@ pub(super) struct Group {
     pub(super) members: Vec<(usize, f64)>,
     /// S = Σ A ε, m².
     pub(super) absorbing: f64,
-    /// The heat that is supplied to all together, absorbed solar heat aside, W.
+    /// The heat supplied to all together, without absorbed solar heat, W.
     pub(super) supplied: f64,
 }
 
@@ -60,7 +60,7 @@ impl Group {
 }
 
 impl Network {
-    /// Puts boundary conditions on the patches of a mesh.
+    /// Assigns boundary conditions to the patches of a mesh.
     ///
     /// # Errors
     /// [`HeatError::OtherScene`], [`HeatError::OutOfRange`], and [`HeatError::Apart`] for the two sides of a sheet that do not coincide.
@@ -168,7 +168,7 @@ impl Network {
         &self.areas
     }
 
-    /// Returns 1 − ε of patches whose temperature is given, and 1 of the members of groups, for [`Coupled`] F, the same in all channels, \[n, c\].
+    /// Returns the reflectance for [`Coupled`] F, the same in all channels, \[n, c\]: 1 − ε for given temperatures, and 1 for members of groups.
     pub(crate) fn reflectance(&self, n_channels: usize) -> Block {
         let of_patch = |(state, emissivity): (&State, &f64)| match state {
             State::Given(_) => 1.0 - emissivity,
@@ -178,7 +178,7 @@ impl Network {
         Block::from_channels(&vec![values; n_channels])
     }
 
-    /// x ← R x.
+    /// Applies R: x ← R x.
     pub(crate) fn reflect(&self, x: &mut Block) {
         let n_channels = x.n_channels();
         self.share(x.values_mut(), n_channels);
@@ -203,13 +203,15 @@ impl Network {
         }
     }
 
-    /// Returns R F, where members of groups are mixed, and otherwise F itself.
+    /// Returns R F where members of groups are mixed; `None` where F itself suffices.
     pub(crate) fn coupled<'a>(&'a self, factors: &'a FormFactors) -> Option<Coupled<'a>> {
         let is_mixed = self.groups.iter().any(|group| group.members.len() > 1);
         is_mixed.then_some(Coupled { network: self, factors })
     }
 
-    /// Refuses enclosures in which nothing determines a temperature: connected patches, all of them members of groups, that let nothing out. `absorbed`: solar heat, W·m⁻², \[n\]; `lets_out`: of each row, \[n\].
+    /// Refuses enclosures in which nothing determines a temperature: connected patches, all members of groups, that let nothing out.
+    ///
+    /// `absorbed`: solar heat, W·m⁻², \[n\]; `lets_out`: of each row, \[n\].
     ///
     /// # Errors
     /// [`HeatError::NoTemperature`], with the imbalance.
@@ -276,7 +278,9 @@ impl Network {
     }
 }
 
-/// R F but for the factor 1 − ε of patches whose temperature is given: form factors to the members of groups are mixed as their common temperature mixes what they receive.
+/// The operator R F without the factor 1 − ε of patches with a given temperature.
+///
+/// The irradiances of a group's members are mixed as their common temperature requires.
 pub(crate) struct Coupled<'a> {
     network: &'a Network,
     factors: &'a FormFactors,

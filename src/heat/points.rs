@@ -17,29 +17,29 @@ use crate::geometry::polygon::solid_angle;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 
-/// The share of a sphere, or of a hemisphere, up to which what is not seen of backs counts as rounding: a point that sees nothing else is inside a solid.
+/// The fraction of the view outside of backs up to which it counts as rounding: a point that sees only backs is inside a solid.
 const ALL: f64 = 1e-9;
 
-/// The absorptance for the sun and the emissivity of a person.
+/// The solar absorptance and the emissivity of a person.
 const PERSON: [f64; 2] = [0.7, 0.97];
 
-/// A point to look from.
+/// A point from which to look.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointQuery {
-    /// Where it is, m.
+    /// Its position, m.
     pub position: DVec3,
-    /// Where it faces, of any length; `None` for a point that looks all around.
+    /// Its direction, of any length; `None` for a point that looks all around.
     pub normal: Option<DVec3>,
 }
 
-/// Where a point is.
+/// The position of a point relative to faces and solids.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PointStatus {
-    /// In the open.
+    /// Outside of solids and off all faces.
     Free,
-    /// On a face: its factors are those of neither side.
+    /// On a face: its factors apply to neither side of it.
     OnFace,
-    /// Inside of a solid, whose faces it sees from behind, or where nothing but backs is seen.
+    /// Inside a solid, whose faces it sees from behind, or where it sees only backs.
     InsideSolid,
 }
 
@@ -55,18 +55,18 @@ impl PointStatus {
     }
 }
 
-/// The view from a point, and its irradiance. The factors sum to 1.
+/// The view from a point, whose factors sum to 1, and its irradiance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PointView {
-    /// Where it is.
+    /// The position relative to faces and solids.
     pub status: PointStatus,
-    /// The factor to the front of each surface: of a point with a normal the form factor, else the share of the sphere.
+    /// The factor to the front of each surface: the form factor of a point with a normal, else the fraction of the sphere.
     pub surfaces: Vec<Stated>,
     /// The factor to the surroundings.
     pub surroundings: Stated,
     /// The factor to backs.
     pub backs: Stated,
-    /// The irradiance, where boundary conditions are known.
+    /// The irradiance, if boundary conditions are given.
     pub heat: Option<PointHeat>,
 }
 
@@ -75,27 +75,27 @@ pub struct PointView {
 pub struct PointHeat {
     /// The thermal irradiance, W·m⁻²; without a normal the mean radiosity around, Σ F B.
     pub irradiance: Stated,
-    /// The solar irradiance without what comes straight from the sun, W·m⁻²; without a normal Σ F B.
+    /// The solar irradiance without direct sunlight, W·m⁻²; without a normal Σ F B.
     pub solar: Stated,
-    /// The irradiance straight from the sun on the plane of the point, or without a normal on one that faces the sun, W·m⁻².
+    /// The irradiance straight from the sun, W·m⁻², on the plane of the point, or without a normal on one that faces the sun.
     pub sun: Stated,
     /// 1 where the sun shines, 0 in shadow; `None` without a sun.
     pub sunlit: Option<Stated>,
-    /// The mean radiant temperature, K: (Σ F B / σ)^¼; `None` of a point with a normal.
+    /// The mean radiant temperature, K: (Σ F B / σ)^¼; `None` for a point with a normal.
     pub mean_radiant: Option<Stated>,
 }
 
-/// The scene that points look at.
+/// The scene seen from points.
 pub(crate) struct PointScene<'a> {
     pub(crate) scene: &'a Scene,
     pub(crate) mesh: &'a Mesh,
-    /// Thermal and solar band, and the conditions that they are of.
+    /// The thermal and the solar band, and their boundary conditions.
     pub(crate) heat: Option<([&'a Band; 2], &'a Boundary)>,
-    /// Whether the sun counts in the mean radiant temperature as it does on a standing person.
+    /// True if the mean radiant temperature includes the sun as a standing person absorbs it.
     pub(crate) with_person: bool,
 }
 
-/// Sums over what is seen: radiosities times factors, with the errors of the radiosities, of both bands; and the factor to what of it is above the horizon.
+/// Sums over the visible patches: radiosities times factors and the errors of the radiosities, for both bands, and the factor to the part above the horizon.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     light: [f64; 2],
@@ -104,12 +104,12 @@ struct Sums {
 }
 
 impl PointScene<'_> {
-    /// Gathers what points look at.
+    /// Prepares the views from points.
     pub(crate) fn views(&self) -> (PointViews, Solids) {
         (PointViews::new(self.scene, self.mesh), Solids::of(self.scene))
     }
 
-    /// Looks from all points.
+    /// Returns the views from all points.
     pub(crate) fn look(&self, views: &(PointViews, Solids), queries: &[PointQuery]) -> Vec<PointView> {
         let look = |scratch: &mut Scratch, query| self.look_from(views, query, scratch);
         queries.par_iter().map_init(Scratch::default, look).collect()
@@ -125,7 +125,7 @@ impl PointScene<'_> {
         let mut surfaces = vec![Stated::default(); self.scene.surfaces.len()];
         let mut backs = Stated::default();
         let mut sums = Sums::default();
-        // No less than the lengths of borders as the point sees them, in radians: what a shift of corners changes.
+        // An upper bound of the lengths of borders seen from the point, in radians, to which the effect of shifted corners is proportional.
         let mut borders = vec![0.0; surfaces.len() + 1];
         let up = self.sky_up();
         let mut closest = f64::INFINITY;
@@ -154,7 +154,7 @@ impl PointScene<'_> {
                 }
             }
         });
-        // By so much, in radians, may a border seem to be off.
+        // The greatest apparent shift of a border, in radians.
         let off = views.tolerance() / closest.min(nearest).max(f64::MIN_POSITIVE);
         let stated = |value: f64, border: f64| Stated {
             value: value.clamp(0.0, 1.0),
@@ -207,7 +207,7 @@ impl PointScene<'_> {
         self.heat.and_then(|(_, boundary)| boundary.sky).map(|sky| sky.up())
     }
 
-    /// Returns what arrives at a point.
+    /// Returns the irradiance at a point.
     fn arriving(&self, views: &PointViews, point: DVec3, boundary: &Boundary, seen: &Seen) -> PointHeat {
         let Seen {
             sums,
@@ -224,7 +224,7 @@ impl PointScene<'_> {
             value: sums.light[0] + surroundings.value * around,
             error: sums.light_error[0] + error * brightest(0).max(around),
         };
-        // The radiosity of the sky is its irradiance of a plane that faces up.
+        // The radiosity of the sky is its irradiance on a plane that faces up.
         let sky = boundary.sky.map_or(Stated::default(), |sky| {
             let half = normal.map_or(0.5, |normal| 0.5 * (1.0 + normal.dot(sky.up())));
             Stated {
@@ -261,7 +261,7 @@ impl PointScene<'_> {
     }
 }
 
-/// Returns the part of the sun that a point sees, and its irradiance on the plane of the point, or on one that faces the sun, W·m⁻².
+/// Returns the visible part of the sun, and its irradiance on the plane of the point, or on one that faces the sun, W·m⁻².
 fn shone_on(views: &PointViews, point: DVec3, normal: Option<DVec3>, sun: &Sun) -> [Stated; 2] {
     let (mut lit, mut irradiance) = (Stated::default(), Stated::default());
     let directions = sun.directions();
@@ -274,7 +274,7 @@ fn shone_on(views: &PointViews, point: DVec3, normal: Option<DVec3>, sun: &Sun) 
         irradiance.value += weight * value * cosine * sun.irradiance();
         irradiance.error += weight * error * cosine * sun.irradiance();
     }
-    // Between the directions of a disc the border of an occluder passes unseen.
+    // The border of an occluder is unresolved between the directions of a disc.
     let missed = (lit.value * (1.0 - lit.value)).max(0.0).sqrt() / (directions.len() as f64).powf(0.75);
     lit.error += missed;
     irradiance.error += missed * sun.irradiance();
@@ -290,7 +290,9 @@ struct Seen {
     error: f64,
 }
 
-/// Returns the solar part of σ T⁴ of a standing person, W·m⁻²: (0.7 / 0.97) (f_p I + Σ F B), with the projected area factor f_p = 0.308 cos(h (0.998 − h² / 50000)) of the sun's height h in degrees.
+/// Returns the solar part of σ T⁴ of a standing person, W·m⁻²: (0.7 / 0.97) (f_p I + Σ F B).
+///
+/// The projected area factor is f_p = 0.308 cos(h (0.998 − h² / 50000)), with h the sun's height in degrees.
 fn on_person(boundary: &Boundary, solar: Stated, sun: Stated) -> Stated {
     let up = boundary.sky.map_or(DVec3::Z, |sky| sky.up());
     let height = boundary
@@ -304,7 +306,7 @@ fn on_person(boundary: &Boundary, solar: Stated, sun: Stated) -> Stated {
     }
 }
 
-/// Returns the factor from the origin to a convex polygon that faces it: with a normal the form factor, else the share of the sphere.
+/// Returns the factor from the origin to a convex polygon that faces it: with a normal the form factor, else the fraction of the sphere.
 fn measure(corners: &[DVec3], normal: Option<DVec3>) -> f64 {
     if corners.len() < 3 {
         return 0.0;

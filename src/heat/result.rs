@@ -13,7 +13,7 @@ use crate::scene::Scene;
 #[derive(Clone, Debug)]
 pub(crate) struct DirectLight {
     pub(crate) sun: Option<Sunlight>,
-    /// From the sky, and its error, W·m⁻², \[n\].
+    /// The irradiance from the sky, and its error, W·m⁻², \[n\].
     pub(crate) sky: [Vec<f64>; 2],
 }
 
@@ -33,9 +33,9 @@ impl DirectLight {
 /// The heat of a scene.
 #[derive(Clone, Debug)]
 pub struct Heat {
-    /// Of each surface.
+    /// The heat of each surface.
     pub surfaces: Vec<SurfaceHeat>,
-    /// Of the whole scene.
+    /// The balance of the whole scene.
     pub balance: HeatBalance,
     /// The solar band.
     pub solar: Band,
@@ -43,7 +43,7 @@ pub struct Heat {
     pub thermal: Band,
     /// Quantities of each patch by name, with the unit in the name; each with its error as `NAME_error`.
     pub patches: Vec<(&'static str, Vec<f64>)>,
-    /// The greatest error of a surface's thermal irradiance by form factors and solver, relative to the larger of its own emissive power and its irradiance; infinite where nothing is known.
+    /// The greatest error of a surface's thermal irradiance by form factors and solver, relative to the larger of its emissive power and irradiance; infinite where unknown.
     pub relative_error: f64,
 }
 

@@ -1,23 +1,24 @@
-//! The patches of a sheet that stand back to back.
+//! Finds the coincident patches on the two sides of a sheet.
 
 use glam::DVec3;
 
 use crate::mesh::{Mesh, PatchId};
 
-/// A direction along which no two places of an ordinary scene are level.
+/// A direction along which hardly any two centroids of an ordinary scene have the same height.
 const ASKEW: DVec3 = DVec3::new(0.512_7, 0.618_1, 0.595_9);
 
-/// Areas of coincident patches differ by no more than this part, beside what corners may be off.
+/// The relative difference of the areas of coincident patches, beside the error of corners.
 const ALIKE: f64 = 1e-6;
 
-/// Returns for each of the `fronts` the one of the `backs` that coincides with it and faces the other way, or `None`; corners that differ by less than `tolerance`, m, are one.
+/// Returns for each of the `fronts` the coincident one of the `backs` that faces the other way, or `None`.
 ///
+/// Corners that differ by less than `tolerance`, m, are one.
 /// Work: O(n log n), unless many patches are level along one skew direction.
 pub(super) fn opposites(mesh: &Mesh, fronts: &[usize], backs: &[usize], tolerance: f64) -> Vec<Option<usize>> {
     let level = |patch: usize| ASKEW.dot(mesh.patches[patch].centroid);
     let mut sorted: Vec<(f64, usize)> = backs.iter().map(|&back| (level(back), back)).collect();
     sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
-    // ASKEW has a length of about 1.
+    // The vector ASKEW has a length of about 1.
     let within = 2.0 * tolerance;
     let partner = |&front: &usize| {
         let own = level(front);

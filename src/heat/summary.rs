@@ -1,4 +1,4 @@
-//! The figures of surfaces and of the whole scene, each with its error.
+//! The results of surfaces and of the whole scene, each with its error.
 
 use serde::{Deserialize, Serialize};
 
@@ -99,7 +99,7 @@ pub struct HeatBalance {
     pub energy_balance_w_error: f64,
 }
 
-/// Everything that is known of each patch.
+/// The input of the results, by patches.
 pub(super) struct Patches<'a> {
     pub(super) scene: &'a Scene,
     pub(super) mesh: &'a Mesh,
@@ -134,7 +134,7 @@ struct Sums {
     hottest: Option<Extreme>,
 }
 
-/// The least, or the greatest, of some values, and the range that their errors leave for it.
+/// The least, or the greatest, of some values, and the range allowed by their errors.
 #[derive(Clone, Copy)]
 struct Extreme {
     value: f64,
@@ -165,7 +165,7 @@ impl Extreme {
 }
 
 impl Patches<'_> {
-    /// Returns what is stated of each surface.
+    /// Returns the results of each surface.
     pub(super) fn surfaces(&self) -> Vec<SurfaceHeat> {
         let mut sums = vec![Sums::default(); self.scene.surfaces.len()];
         for (i, patch) in self.mesh.patches.iter().enumerate() {
@@ -223,7 +223,7 @@ impl Patches<'_> {
         let [coldest, hottest] = [sums.coldest, sums.hottest].map(extreme);
         let (lit, sky) = (self.sunlight.map(|_| mean(sums.lit)), mean(sums.sky));
         let own = self.boundary.surfaces[k];
-        // Where patches differ in them, their area means.
+        // The area means, where patches differ.
         let values = self.boundary.patch_values.get(k);
         let [emissivity, absorptance] = [
             (
@@ -236,7 +236,7 @@ impl Patches<'_> {
             ),
         ]
         .map(|(differ, sum)| (differ && sums.area > 0.0).then(|| sum / sums.area));
-        // As it is given, where it is.
+        // A given temperature is returned without rounding.
         let given = |found: Stated| match own.map(|own| own.condition) {
             Some(Condition::Temperature(kelvin)) if !self.boundary.has_patch_conditions(k) => Stated {
                 value: kelvin,
@@ -275,8 +275,8 @@ impl Patches<'_> {
 
     /// Returns the balance of the whole scene.
     ///
-    /// With q = B − H + r, H = F B + D and g the gain of form factors without reciprocity, Σ A (q − absorbed) + Σ A (sun + sky + surroundings) − Σ A B (sky + back) =
-    /// Σ A r + Σ A B (1 − Σ_j F_ij − sky − back) − Σ B g, both bands together: the stated error is the sum of the sizes, and rounding.
+    /// With q = B − H + r, H = F B + D and g the gain by form factors without reciprocity, Σ A (q − absorbed) + Σ A (sun + sky + surroundings) − Σ A B (sky + back) =
+    /// Σ A r + Σ A B (1 − Σ_j F_ij − sky − back) − Σ B g, over both bands. The stated error is the sum of the sizes of these terms, and rounding.
     pub(super) fn balance(&self) -> HeatBalance {
         let areas = self.enclosure.factors.areas();
         let row_sums = self.enclosure.row_sums();
@@ -318,7 +318,7 @@ impl Patches<'_> {
     }
 }
 
-/// Returns the error of a product; 0 times what is not known is 0.
+/// Returns the error of a product; 0 times an unknown error is 0.
 fn product_error(a: f64, a_error: f64, b: f64, b_error: f64) -> f64 {
     let carried = if b.abs() > 0.0 { b.abs() * a_error } else { 0.0 };
     a.abs() * b_error + carried

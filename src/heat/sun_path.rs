@@ -1,4 +1,4 @@
-//! The sun at many times.
+//! The sun at a sequence of times.
 
 use std::path::{Path, PathBuf};
 
@@ -7,14 +7,14 @@ use glam::DVec3;
 use super::boundary::{OutOfRange, Sun};
 use super::sun_position::{seconds, sun_position};
 
-/// The sun at many times, one after the other.
+/// The sun at a sequence of times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SunPath {
     /// The name in messages: its file.
     pub file: PathBuf,
     /// The times, in increasing order.
     pub steps: Vec<SunStep>,
-    /// True if times are dates: [`SunStep::time`] is in s from the first then, else in the unit of the file.
+    /// True if times are dates: [`SunStep::time`] is then in s from the first, else in the unit of the file.
     pub has_dates: bool,
     angular_radius_deg: f64,
     axes: [DVec3; 2],
@@ -29,7 +29,7 @@ pub struct SunStep {
     pub line: usize,
     /// The time as a number.
     pub time: f64,
-    /// The time as the file has it.
+    /// The time as the file writes it.
     pub time_text: String,
     /// The unit vector towards the sun.
     pub direction: DVec3,
@@ -37,12 +37,12 @@ pub struct SunStep {
     pub sun: Option<Sun>,
 }
 
-/// Where the sun stands at a time.
+/// The position of the sun at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SunPlace {
-    /// In this direction, of any length.
+    /// A direction of any length.
     Direction(DVec3),
-    /// Where it stands in the sky of a place on Earth.
+    /// The position in the sky of a place on Earth.
     OnEarth {
         /// Degrees north.
         latitude: f64,
@@ -65,10 +65,13 @@ impl SunPath {
         }
     }
 
-    /// Adds the sun at a `time`, a number or a date with time and offset in RFC 3339, from `line` of the file; `irradiance`: of a plane that faces the sun, W·m⁻².
+    /// Adds the sun at a `time` from `line` of the file: a number, or a date with time and offset in RFC 3339.
+    ///
+    /// `irradiance` is that of a plane that faces the sun, W·m⁻².
     ///
     /// # Errors
-    /// The name of the value and what is wrong: a time that is neither, not after the one before it, or of the other kind; what [`Sun::new`] and [`sun_direction`](super::sun_direction) refuse, but for a sun below the horizon.
+    /// The name of the value and the fault: a time that is neither a number nor a date, not after the previous one, or not of the same kind as it;
+    /// faults of [`Sun::new`] and [`sun_direction`](super::sun_direction), except a sun below the horizon.
     pub fn push(
         &mut self,
         line: usize,
@@ -106,7 +109,7 @@ impl SunPath {
         Ok(())
     }
 
-    /// Refuses a time of the other kind, or that is not after the last.
+    /// Refuses a time that is of the other kind, or not after the last.
     fn after_the_last(&self, time: f64, is_date: bool) -> Result<f64, OutOfRange> {
         let wrong = match self.steps.last() {
             Some(_) if is_date != self.has_dates => "some times are numbers, others dates; write all in one way".into(),
@@ -128,7 +131,7 @@ impl SunPath {
         self.steps.iter().map(|step| step.time_text.clone()).collect()
     }
 
-    /// Returns the unit of the times: seconds of dates, else that of the file.
+    /// Returns the unit of the times: seconds for dates, else that of the file.
     #[must_use]
     pub fn unit(&self) -> &'static str {
         if self.has_dates { "s" } else { "as given" }

@@ -1,4 +1,4 @@
-//! Where the sun stands, by place and time.
+//! The position of the sun, by place and time.
 
 use glam::DVec3;
 use solar_positioning::time::JulianDate;
@@ -11,13 +11,14 @@ const DAY: f64 = 1440.0;
 /// The Julian date of 1970-01-01T00:00:00Z.
 const UNIX_EPOCH: f64 = 2_440_587.5;
 
-/// Returns the unit vector towards the sun at a place on Earth, degrees north and east, and a time in RFC 3339, as 2026-06-21T12:00:00+02:00; `north` and `up` are directions of the scene.
+/// Returns the unit vector towards the sun at a place on Earth, degrees north and east, and a `time` in RFC 3339, such as 2026-06-21T12:00:00+02:00.
 ///
-/// The sun's azimuth and its height with standard refraction, by the algorithm of the National Renewable Energy Laboratory, to 0.0003°. Source: I. Reda, A. Andreas, "Solar position algorithm for solar radiation
-/// applications", Solar Energy 76(5), 2004, by the crate `solar-positioning`. Departures: none.
+/// `axes`: the directions north and up in the scene. The result has the sun's azimuth and its height with standard refraction, by the algorithm of the National Renewable Energy Laboratory, to
+/// 0.0003°.
+/// Source: I. Reda, A. Andreas, "Solar position algorithm for solar radiation applications", Solar Energy 76(5), 2004, by the crate `solar-positioning`. Departures: none.
 ///
 /// # Errors
-/// The name of the value and what is wrong: `latitude` or `longitude` out of range, a `time` that is no RFC 3339 or at which the sun is below the horizon, a `north` along `up`.
+/// The name of the value and the fault: `latitude` or `longitude` out of range, a `time` that is not RFC 3339 or at which the sun is below the horizon, a `north` along `up`.
 pub fn sun_direction(place: (f64, f64), time: &str, axes: [DVec3; 2]) -> Result<DVec3, (&'static str, String)> {
     let SunPosition {
         direction, height_deg, ..
@@ -32,7 +33,7 @@ pub fn sun_direction(place: (f64, f64), time: &str, axes: [DVec3; 2]) -> Result<
     Err(("time", wrong))
 }
 
-/// Where the sun stands.
+/// The position of the sun.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct SunPosition {
     /// The unit vector towards it.
@@ -43,7 +44,7 @@ pub(crate) struct SunPosition {
     pub(crate) time_s: f64,
 }
 
-/// Does what [`sun_direction`] does for a sun below the horizon too.
+/// Returns the position of the sun as [`sun_direction`] does, also below the horizon.
 pub(crate) fn sun_position(
     (latitude, longitude): (f64, f64),
     time: &str,
@@ -78,13 +79,13 @@ pub(crate) fn sun_position(
 /// Returns a time in RFC 3339 in s from 1970-01-01T00:00:00Z without leap seconds, to a millisecond.
 ///
 /// # Errors
-/// `time`, and what is wrong with it.
+/// The name `time`, and the fault.
 pub(super) fn seconds(time: &str) -> Result<f64, (&'static str, String)> {
     let found = julian(time).map_err(|why| ("time", format!("{why}; write it as 2026-06-21T12:00:00+02:00")))?;
     Ok(since_1970(&found))
 }
 
-/// A Julian date has the digits for 40 µs.
+/// Returns seconds from 1970, rounded to a millisecond: a Julian date in f64 resolves 40 µs.
 fn since_1970(date: &JulianDate) -> f64 {
     ((date.julian_date() - UNIX_EPOCH) * DAY * 60.0 * 1e3).round() / 1e3
 }
@@ -110,7 +111,7 @@ fn julian(time: &str) -> Result<JulianDate, String> {
     let year = i32::from(date.year);
     let known = |error: solar_positioning::Error| error.to_string();
     let shift = delta_t::estimate_from_date(year, month).map_err(known)?;
-    // A leap second is as late as the one before it.
+    // A leap second counts as the end of the second before it.
     let local = JulianDate::from_utc(year, month, day, hour, minute, second.min(59.999), shift).map_err(known)?;
     let minutes = match offset {
         Offset::Z => 0.0,
@@ -126,7 +127,9 @@ mod tests {
 
     const AXES: [DVec3; 2] = [DVec3::Y, DVec3::Z];
 
-    /// Noon at the solstice in Golden, Colorado, as in the paper's appendix (A.5): azimuth 194.34024°, zenith 50.11162° with the refraction of 820 mbar and 11 °C, within what the standard atmosphere changes.
+    /// Tests noon in Golden, Colorado, as in the paper's appendix (A.5): azimuth 194.34024°, zenith 50.11162°.
+    ///
+    /// The paper's refraction is that of 820 mbar and 11 °C; the tolerance covers the difference to the standard atmosphere.
     #[test]
     fn the_papers_example_comes_out() {
         let found = sun_direction((39.742_476, -105.178_6), "2003-10-17T12:30:30-07:00", AXES).unwrap();

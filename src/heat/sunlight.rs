@@ -17,31 +17,31 @@ use crate::mesh::PatchId;
 use crate::visibility::occluders::{OccluderIndex, PairVisibility};
 use crate::visibility::{Coherence, HitBatch, RayBatch};
 
-/// The depth, as a part of the patch's width, by which a neglected occluder may reach into the light of a patch; see [`OccluderIndex`].
+/// The depth, in units of the patch's width, by which a neglected occluder may reach into the light of a patch; see [`OccluderIndex`].
 const NEGLECTED: f64 = 1e-10;
 
-/// Circles of directions in the disc of the sun, and in the coarser rule that estimates the error.
+/// The circles of directions in the disc of the sun, and in the coarser rule for the error estimate.
 const CIRCLES: [NonZeroUsize; 2] = [
     NonZeroUsize::new(6).expect("positive"),
     NonZeroUsize::new(4).expect("positive"),
 ];
 
-/// Directions on each circle, for each circle.
+/// The number of directions on each circle, in units of the number of circles.
 const PER_CIRCLE: usize = 4;
 
-/// Rays from each patch of which a part is above the horizon, the most for all patches together, and their seed.
+/// The rays from each patch that sees a part of the sky, the limits for all patches together and for one, and the seed.
 const RAYS: usize = 1 << 14;
 const MAX_RAYS: usize = 1 << 26;
 const MIN_RAYS: usize = 256;
 const SEED: u64 = 0x5ca1e;
 
-/// A normal off the vertical by less than this stands on it.
+/// The deviation from the vertical within which a normal counts as vertical.
 const UPRIGHT: f64 = 1e-12;
 
-/// The part of each patch that the sun lights, and the irradiance that comes straight from it.
+/// The lit part of each patch, and the irradiance straight from the sun.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sunlight {
-    /// The fraction of each patch's area that is lit, \[n\], of a disc in the mean over its directions; 0 of what faces away.
+    /// The lit fraction of each patch's area, \[n\], for a disc its mean over the directions; 0 for patches that face away.
     pub fraction: Vec<f64>,
     /// Its error, \[n\].
     pub fraction_error: Vec<f64>,
@@ -75,7 +75,7 @@ pub struct Sunlit {
 }
 
 impl Sunlit {
-    /// Finds what a sun lights whose `irradiance` differs by channels; that of `sun` plays no part.
+    /// Computes the light of a sun whose `irradiance` varies by channel; that of `sun` is ignored.
     #[must_use]
     pub fn new(input: Input<'_>, sun: &Sun, irradiance: &[f64]) -> Self {
         Self::of(&SunOccluders::new(input), input, sun, irradiance)
@@ -90,7 +90,7 @@ impl Sunlit {
         }
     }
 
-    /// Does what [`new`](Self::new) does with occluders that are gathered.
+    /// Computes the light as [`new`](Self::new) does, with prepared occluders.
     pub(crate) fn of(occluders: &SunOccluders, input: Input<'_>, sun: &Sun, irradiance: &[f64]) -> Self {
         let one = Sun {
             irradiance: 1.0,
@@ -111,14 +111,14 @@ impl Sunlit {
     }
 }
 
-/// Finds what the sun lights of each patch.
+/// Computes the direct sunlight on each patch.
 ///
-/// H = S f max(n · s, 0) with f the lit fraction of the patch, exact by clipping against the prism of every occluder along the light. Both sides of a face occlude. Of a disc of angular radius r it is the
-/// mean over directions s + u sin r, |u| ≤ 1, by 6 circles of 24 points (Gauss in |u|², the trapezium rule around).
+/// H = S f max(n · s, 0) with f the lit fraction of the patch, exact by clipping against the prism of every occluder along the light. Both sides of a face occlude. For a disc of angular radius r it
+/// is the mean over directions s + u sin r, |u| ≤ 1, by 6 circles of 24 points (Gauss in |u|², the trapezium rule around).
 ///
-/// Errors: the border of what is lit, times what an occluder may be off (the rounding of coordinates, see [`OccluderIndex`], and 1e-10 of the patch), over the cosine; of a disc of N directions also the difference to
-/// 4 circles of 16, and the standard deviation between directions over N^¾, as a border that crosses such a grid leaves it.
-/// Work: for each patch and direction a walk through a tree of the occluders, in parallel.
+/// Errors: the length of the shadow border times the error of an occluder's position (the rounding of coordinates, see [`OccluderIndex`], and 1e-10 of the patch), over the cosine. For a disc of N
+/// directions also the difference to 4 circles of 16, and the standard deviation between directions over N^¾, the error of a border that crosses such a grid. Work: for each patch and direction a
+/// traversal of a tree of the occluders, in parallel.
 ///
 /// # Panics
 /// If the mesh has no patch.
@@ -133,7 +133,7 @@ struct Shone {
     /// The lit fraction.
     fraction: f64,
     fraction_error: f64,
-    /// The same times the cosine.
+    /// The lit fraction times the cosine.
     cosine: f64,
     cosine_error: f64,
 }
@@ -148,7 +148,7 @@ impl Shone {
 }
 
 impl Sun {
-    /// Returns the directions that stand for the sun, each with its weight and its cosine to the middle.
+    /// Returns the directions that represent the sun, each with its weight and its cosine to the middle.
     pub(super) fn directions(&self) -> Vec<(DVec3, f64, f64)> {
         if self.angular_radius_deg() > 0.0 {
             self.disc(CIRCLES[0])
@@ -165,7 +165,7 @@ impl Sun {
             let sine = edge * square.sqrt();
             let along = (1.0 - sine * sine).sqrt();
             let direction = move |j: usize| {
-                // Turned from circle to circle, so that no two directions lie in one plane with the axis.
+                // Successive circles are rotated, so that no two directions lie in one plane with the axis.
                 let angle = TAU * (j as f64 + k as f64 / n_circles.get() as f64) / n_around as f64;
                 let local = DVec3::new(sine * angle.cos(), sine * angle.sin(), along);
                 (frame.to_world(local).normalize(), weight / n_around as f64, along)
@@ -176,15 +176,15 @@ impl Sun {
     }
 }
 
-/// The occluders of a scene, gathered for the light of any number of suns.
+/// The occluders of a scene, prepared for any number of suns.
 pub(crate) struct SunOccluders {
     index: OccluderIndex,
-    /// Longer than the scene, m.
+    /// A length beyond the scene, m.
     reach: f64,
 }
 
 impl SunOccluders {
-    /// Gathers the occluders.
+    /// Prepares the occluders.
     pub(crate) fn new(input: Input<'_>) -> Self {
         let (low, high) = input.scene.bounding_box();
         Self {
@@ -193,7 +193,7 @@ impl SunOccluders {
         }
     }
 
-    /// Does what [`sunlight`] does in the scene that this is from.
+    /// Computes the light as [`sunlight`] does, for the scene of these occluders.
     pub(crate) fn sunlight(&self, input: Input<'_>, sun: &Sun) -> Sunlight {
         let lamp = Lamp {
             input,
@@ -208,7 +208,7 @@ impl SunOccluders {
 struct Lamp<'a> {
     input: Input<'a>,
     index: &'a OccluderIndex,
-    /// Longer than the scene, m.
+    /// A length beyond the scene, m.
     reach: f64,
 }
 
@@ -251,7 +251,7 @@ impl Lamp<'_> {
             return Shone::default();
         }
         let corners = self.input.mesh.polygon(PatchId::from_index(patch));
-        // The far end of the prism over the patch, as it looks back.
+        // The far end of the prism over the patch, with reversed winding.
         let far: Vec<DVec3> = corners.iter().rev().map(|&v| v + self.reach * direction).collect();
         let between = self.index.between(&corners, &far);
         let perimeter = polygon::perimeter(&corners);
@@ -283,13 +283,13 @@ impl Lamp<'_> {
         }
     }
 
-    /// Returns the mean over the disc of the sun: of the irradiance each direction has its share by the area of the disc that is seen.
+    /// Returns the mean over the disc of the sun, in which each direction has the weight of its part of the disc.
     fn of_disc(&self, patch: usize, sun: &Sun, n_circles: NonZeroUsize) -> Shone {
         let mut mean = Shone::default();
         let mut squares = [0.0; 2];
         let directions = sun.disc(n_circles);
         for &(direction, share, along) in &directions {
-            // The irradiance of a plane across the axis is the area of the disc seen from there: dω cos = du dv.
+            // The irradiance of a plane across the axis is the visible area of the disc: dω cos = du dv.
             let mut shone = self.shone_on(patch, direction);
             shone.cosine /= along;
             shone.cosine_error /= along;
@@ -297,7 +297,7 @@ impl Lamp<'_> {
             squares[1] += share * shone.cosine.powi(2);
             mean.add(share, shone);
         }
-        // Between the directions the border of an occluder passes unseen.
+        // The border of an occluder is unresolved between the directions.
         let unseen = directions.len() as f64;
         let missed = |square: f64, own: f64| (square - own * own).max(0.0).sqrt() / unseen.powf(0.75);
         mean.fraction_error += missed(squares[0], mean.fraction);
@@ -308,8 +308,8 @@ impl Lamp<'_> {
 
 /// Returns the fraction of the light of each patch that escapes above the horizon of a sky, \[n\], from `escaped`, the fraction that escapes at all.
 ///
-/// A patch that faces up sees no other part of the surroundings, one that faces down nothing of the sky; one that sees nothing else has (1 + n · u) / 2. Of all others rays tell which part of what escapes
-/// is above, 2^14 for each and 2^26 in all at most. Errors: that of `escaped`, and sqrt(p (1 − p) / N) of the N rays that escape, with p = (k + 1) / (N + 2) of k above.
+/// A patch that faces up sees no other part of the surroundings, one that faces down none of the sky, and one that sees no face has (1 + n · u) / 2. For all others, rays find the part of the escaping
+/// light above the horizon: 2^14 for each patch, or fewer to limit them to 2^26 in all, but at least 256. Errors: that of `escaped`, and sqrt(p (1 − p) / N) of the N rays that escape, with p = (k + 1) / (N + 2) for k above.
 #[must_use]
 pub fn above_horizon(input: Input<'_>, sky: &Sky, escaped: &[Fraction], sees_nothing: &[bool]) -> Vec<Fraction> {
     let n = input.mesh.n_patches();
@@ -348,7 +348,7 @@ pub fn above_horizon(input: Input<'_>, sky: &Sky, escaped: &[Fraction], sees_not
         .collect()
 }
 
-/// Returns how many rays from a patch escape above the horizon, and how many at all.
+/// Returns the number of rays from a patch that escape above the horizon, and of all that escape.
 fn counted(input: Input<'_>, i: usize, up: DVec3, n_rays: usize, buffers: &mut (RayBatch, HitBatch)) -> [f64; 2] {
     let (rays, hits) = buffers;
     let visibility = input.visibility;

@@ -8,7 +8,7 @@ use crate::matrix::roundings;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 
-/// A value with the errors that it has by form factors and solver, and what a coarser mesh would change in it.
+/// A value with its error by form factors and solver, and its change by a coarser mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Judged {
     pub(super) value: f64,
@@ -17,7 +17,7 @@ pub(super) struct Judged {
 }
 
 impl Judged {
-    /// Returns a value that is given.
+    /// Returns a given value, without error.
     fn certain(value: f64) -> Self {
         Self {
             value,
@@ -38,7 +38,7 @@ impl Judged {
         }
     }
 
-    /// Adds another with a weight above 0: sizes of changes, as those that cancel in a sum by chance say little of the rest.
+    /// Adds another value with a weight above 0, and the sizes of changes: signed changes may cancel by chance.
     pub(super) fn add(&mut self, weight: f64, other: Self) {
         self.value += weight * other.value;
         self.error += weight * other.error;
@@ -51,7 +51,7 @@ impl Judged {
 pub struct Stated {
     /// The value.
     pub value: f64,
-    /// An estimate of its absolute error; infinite where nothing is known.
+    /// An estimate of its absolute error; infinite where unknown.
     pub error: f64,
 }
 
@@ -71,14 +71,16 @@ impl Stated {
 pub(super) struct Thermal {
     /// M = σ T⁴, W·m⁻².
     pub(super) power: Vec<Judged>,
-    /// q = B − H, W·m⁻².
+    /// The net flux q = B − H, W·m⁻².
     pub(super) net_flux: Vec<Judged>,
-    /// The heat that is supplied beside the absorbed solar heat, W·m⁻².
+    /// The heat supplied apart from the absorbed solar heat, W·m⁻².
     pub(super) supplied: Vec<Judged>,
 }
 
 impl Network {
-    /// Returns the heat of each group and its error, W: what is supplied to it and what it absorbs of the sun; `absorbed` with its error, W·m⁻², \[n\].
+    /// Returns the heat of each group and its error, W: its supplied heat and its absorbed solar heat.
+    ///
+    /// `absorbed`: the absorbed solar heat and its error, W·m⁻², \[n\].
     pub(super) fn heats(&self, absorbed: [&[f64]; 2]) -> Vec<[f64; 2]> {
         let of_group = |group: &Group| {
             let sum = |of: &[f64]| group.members.iter().map(|&(i, _)| self.areas()[i] * of[i]).sum::<f64>();
@@ -87,7 +89,7 @@ impl Network {
         self.groups.iter().map(of_group).collect()
     }
 
-    /// Returns what of solar light each patch absorbs, and the error of that, W·m⁻², \[n\] each.
+    /// Returns the absorbed solar heat of each patch and its error, W·m⁻², \[n\] each.
     pub(crate) fn absorbed(&self, solar: &Band) -> [Vec<f64>; 2] {
         let all = self.absorptance.iter().enumerate();
         let value = all.clone().map(|(i, absorptance)| absorptance * solar.irradiance[i]);
@@ -95,7 +97,7 @@ impl Network {
         [value.collect(), error.collect()]
     }
 
-    /// Returns the error of that by form factors and solver, without the mesh's, W·m⁻², \[n\].
+    /// Returns the error of the absorbed solar heat by form factors and solver, without the mesh's, W·m⁻², \[n\].
     pub(crate) fn absorbed_own_error(&self, solar: &Band) -> Vec<f64> {
         let all = self.absorptance.iter().zip(&solar.own_errors[1]);
         all.map(|(absorptance, error)| absorptance * error).collect()
@@ -103,7 +105,7 @@ impl Network {
 
     /// Returns temperatures and fluxes of all patches from the thermal band; `absorbed`: the absorbed solar heat and its error, W·m⁻².
     ///
-    /// M = H + q / ε where q is known, M = Q / S + Σ w H of a group; q = ε (M − H). None of it is the small difference of B and H.
+    /// M = H + q / ε where q is known, M = Q / S + Σ w H for a group; q = ε (M − H). This avoids the small difference of B and H.
     ///
     /// # Errors
     /// [`HeatError::BelowZero`].
@@ -173,7 +175,7 @@ impl Network {
                 return Err(HeatError::BelowZero {
                     surface: scene.surfaces[surface].name.clone(),
                     taken: -heat / group.absorbing * self.emissivity[patch],
-                    // Where others are too cold too, less than nothing arrives.
+                    // Where other patches would be below absolute zero too, this can be negative.
                     arriving: (arriving * self.emissivity[patch]).max(0.0),
                 });
             }
@@ -196,9 +198,9 @@ impl Network {
         (Judged::certain(value), flux)
     }
 
-    /// Returns q of a patch among others of one temperature, which has a share Q / S of their heat in `heat`.
+    /// Returns q of a patch in a group of one temperature; `heat` is its share Q / S of the group's heat.
     ///
-    /// M − H = Q / S + Σ_j w_j (H_j − H): summed as it stands where the patch has most of the weight, as M is all but its own H then.
+    /// M − H = Q / S + Σ_j w_j (H_j − H). The sum is evaluated in this form where the patch has most of the weight, as M then nearly equals its own H.
     fn of_member(&self, i: usize, group: &Group, (power, heat): (Judged, f64), band: &Band) -> Judged {
         let emissivity = self.emissivity[i];
         let own = band.irradiance[i];
@@ -215,7 +217,7 @@ impl Network {
         } else {
             (power.value - own, share.abs() + power.value.abs() + own.abs())
         };
-        // The patch's own irradiance is in both terms of M − H.
+        // Both terms of M − H contain the patch's own irradiance.
         let carried = power.error - weight * own_error + (1.0 - weight) * own_error;
         let rounding = roundings(group.members.len()) * f64::EPSILON * terms;
         Judged {

@@ -1,4 +1,4 @@
-//! Where form factors are kept, decided from what they and everything beside them will take.
+//! Plans the storage of form factors by the memory that they and all other data need.
 
 use std::fmt;
 
@@ -12,41 +12,41 @@ use crate::parameter::{Named, Parameter, plainly};
 use crate::setting::ticked;
 use crate::solver::registry::SOLVERS;
 
-/// The facts before form factors are computed.
+/// The input of the plan, before form factors are computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StorageDemand {
-    /// n.
+    /// The number of patches n.
     pub n_patches: usize,
-    /// Channels of the system that is solved.
+    /// The number of channels of the system.
     pub n_channels: usize,
-    /// Threads that work at the same time.
+    /// The number of threads that work at the same time.
     pub n_threads: usize,
     /// True if the rows are computed one by one, false if pairs are and the exchange areas are stored.
     pub by_rows: bool,
-    /// True if rows are made symmetric afterwards: for a while both matrices exist, and a third.
+    /// True if rows are made symmetric afterwards: temporarily both matrices exist, and a third.
     pub repaired: bool,
-    /// How many whole matrices there are beside this one at the same time.
+    /// The number of whole matrices that exist beside this one at the same time.
     pub n_beside: u32,
     /// An upper bound of the share of entries that are not zero.
     pub density: f64,
-    /// The memory in use already: program, scene, patches and the ray tracer's tree.
+    /// The memory already in use: program, scene, patches and the ray tracer's tree.
     pub used_byte: u64,
     /// The memory of the method beside the rows that it emits one by one.
     pub working_byte: u64,
     /// The memory of the image.
     pub image_byte: u64,
-    /// The least 1 − ρ of the patches and the tolerance of the solver, or `None` where the form factors are the result.
+    /// The least 1 − ρ of the patches and the tolerance of the solver, or `None` if the form factors are the result.
     pub accuracy: Option<Accuracy>,
-    /// The limit of memory.
+    /// The memory limit.
     pub limit_byte: u64,
-    /// K, the number of ranks that share the work: each stores its rows, or the tiles of exchange areas that these need, where they are in memory.
+    /// The number K of ranks that share the work: each stores its rows, or the tiles of exchange areas for these, if they are in memory.
     pub n_ranks: usize,
-    /// The solver, if it goes through the rows one after the other: then each rank gathers all of them.
+    /// The solver, if it uses the rows one after the other, so that each rank gathers all of them.
     pub rows_for: Option<&'static str>,
 }
 
 impl StorageDemand {
-    /// Returns the share of the tiles on and above the diagonal that a rank stores at most: those in its rows or its columns.
+    /// Returns the greatest share of the tiles on and above the diagonal that a rank stores: those in its rows or its columns.
     #[must_use]
     pub fn rank_share(&self) -> f64 {
         let n_blocks = (self.n_patches as f64 / SIDE).ceil().max(1.0);
@@ -54,7 +54,7 @@ impl StorageDemand {
         own * (2.0 * n_blocks + 1.0 - own) / (n_blocks * (n_blocks + 1.0))
     }
 
-    /// Returns the share of the rows that a rank stores at most: its own, and what tiles at both ends have of others.
+    /// Returns the greatest share of the rows that a rank stores: its own, and parts of others in tiles at both ends.
     #[must_use]
     pub fn row_share(&self) -> f64 {
         let n_blocks = (self.n_patches as f64 / SIDE).ceil().max(1.0);
@@ -68,12 +68,12 @@ impl StorageDemand {
     }
 }
 
-/// The facts that decide whether 24 bits of each form factor suffice.
+/// The input that decides whether 24 bits of each form factor suffice.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accuracy {
-    /// min 1 − ρ.
+    /// The least 1 − ρ.
     pub absorption_min: f64,
-    /// The relative residual asked for.
+    /// The requested relative residual.
     pub tolerance: f64,
 }
 
@@ -82,41 +82,41 @@ pub struct Accuracy {
 pub struct StorageWish {
     /// Dense or sparse tiles.
     pub layout: Layout,
-    /// f32 or f64.
+    /// The precision, f32 or f64.
     pub precision: Option<Precision>,
-    /// In memory or on a disk.
+    /// True for a disk, false for memory.
     pub on_disk: Option<bool>,
 }
 
-/// Where form factors go, and why.
+/// The planned storage of form factors, with its reason.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StoragePlan {
     /// Dense or sparse tiles.
     pub layout: Layout,
-    /// f32 or f64.
+    /// The precision, f32 or f64.
     pub precision: Precision,
     /// True if they go to a scratch file.
     pub on_disk: bool,
     /// Memory for computed rows that wait to be stored: part of `memory`.
     pub waiting_byte: u64,
-    /// The estimated memory in all.
+    /// The estimate of the whole memory.
     pub memory: MemoryEstimate,
-    /// Why.
+    /// The reason.
     pub reason: String,
 }
 
 /// The parts of an estimate, in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct MemoryEstimate {
-    /// Program, scene, patches and the ray tracer's tree: measured.
+    /// The measured memory of program, scene, patches and the ray tracer's tree.
     pub used_byte: u64,
-    /// Form factors and their errors, as many of them as exist at a time; on a disk, what is known of the tiles.
+    /// Form factors and their errors, as many of them as exist at a time; on a disk, the index of the tiles.
     pub matrix_byte: u64,
     /// Rows that are being computed, stored or read.
     pub rows_byte: u64,
     /// Vectors of patches, of methods and solvers.
     pub vectors_byte: u64,
-    /// The picture.
+    /// The image.
     pub image_byte: u64,
 }
 
@@ -135,22 +135,22 @@ impl MemoryEstimate {
     }
 }
 
-/// Why form factors cannot be kept anywhere.
+/// A reason why form factors cannot be stored anywhere.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum StorageError {
-    /// Not even the rows that are worked on fit.
+    /// Even the rows in work do not fit.
     TooSmall {
-        /// n.
+        /// The number of patches n.
         n_patches: usize,
         /// The memory needed.
         needed_byte: u64,
         /// The limit.
         limit_byte: u64,
     },
-    /// The form factors were to stay in memory, and do not fit.
+    /// The form factors were requested in memory, and do not fit.
     NotInMemory {
-        /// n.
+        /// The number of patches n.
         n_patches: usize,
         /// The memory needed.
         needed_byte: u64,
@@ -159,7 +159,7 @@ pub enum StorageError {
     },
     /// The solver needs all rows on each rank, and they do not fit.
     NotOnEachRank {
-        /// n.
+        /// The number of patches n.
         n_patches: usize,
         /// The solver.
         solver: &'static str,
@@ -227,27 +227,28 @@ impl StorageError {
     }
 }
 
-/// Rounding form factors to f32 changes radiosities by at most this times 1 / (1 − ρ), relative: each form factor changes by at most 2⁻²⁴ of itself. Equal patches are all rounded alike, and
-/// in closed boxes of them half of this was measured; in rooms with a sphere a prototype measured a thousandth.
+/// The greatest relative change of radiosities by rounding form factors to f32, times 1 − ρ: each form factor changes by at most 2⁻²⁴ of itself.
+///
+/// Equal patches are all rounded alike, and closed boxes of them showed half of this; rooms with a sphere showed a thousandth.
 const F32_ERROR: f64 = 0.5 * f32::EPSILON as f64;
 
-/// The share of the tolerance that rounding may take.
+/// The share of the tolerance that rounding may use.
 const F32_SHARE: f64 = 0.1;
 
-/// Memory for computed rows that wait, at most: more makes nothing faster.
+/// The greatest memory for computed rows that wait: more does not speed up the work.
 const WAITING_BYTE: u64 = 256_000_000;
 
 /// Bytes of an entry that waits to be stored: its column, value and error.
 const ENTRY_BYTE: f64 = 24.0;
 
-/// Rows of a tile.
+/// The rows of a tile.
 const SIDE: f64 = 64.0;
 
-/// Decides where form factors are kept.
+/// Plans the storage of form factors.
 ///
-/// In memory as f64 where they fit. Else in memory as f32, if that changes the radiosities by less than a tenth of the solver's tolerance.
+/// In memory as f64 if they fit. Else in memory as f32, if that changes the radiosities by less than a tenth of the solver's tolerance.
 /// Else on a disk. A wish replaces its part of the choice.
-/// Accuracy: an upper bound but for the allocator's own losses, as far as the density is one.
+/// Accuracy: an upper bound, provided that the density is one, except for the allocator's own losses.
 ///
 /// # Errors
 /// [`StorageError::TooSmall`], [`StorageError::NotInMemory`], [`StorageError::NotOnEachRank`].
@@ -272,7 +273,7 @@ pub fn plan_storage(demand: &StorageDemand, wish: StorageWish) -> Result<Storage
     let in_memory = plan_for(wide, false, String::new());
     let needed = in_memory.memory.total_byte();
     let fits = |plan: &StoragePlan| plan.memory.total_byte() <= demand.limit_byte;
-    // Half of what is left, so that the allocator has some, too.
+    // Half of the rest, which leaves some for the allocator.
     let said = |mut plan: StoragePlan, reason| {
         let left = demand.limit_byte - plan.memory.total_byte();
         plan.waiting_byte = (left / 2).min(WAITING_BYTE).min(all_rows_byte(demand));
@@ -331,12 +332,12 @@ pub fn plan_storage(demand: &StorageDemand, wish: StorageWish) -> Result<Storage
     said(on_disk, reason)
 }
 
-/// Estimates what everything takes.
+/// Estimates the memory of all data.
 fn estimate(demand: &StorageDemand, layout: Layout, precision: Precision, on_disk: bool) -> MemoryEstimate {
     let n = demand.n_patches as f64;
     let value = if precision == Precision::F32 { 4.0 } else { 8.0 };
     let (full, density) = (value + 4.0, demand.density.min(1.0));
-    // Bytes for each place, of which no distribution of the entries takes more: what is stored in full is half full at least.
+    // Bytes for each place, an upper bound for any distribution of the entries: tiles stored in full are at least half full.
     // The places of a square tile take 16 bytes for each of its four strips with an entry, and 2 for each row of one with an entry; those of rows at most 4 for each entry.
     let place = |square: bool| {
         let places = if square {
@@ -371,20 +372,20 @@ fn estimate(demand: &StorageDemand, layout: Layout, precision: Precision, on_dis
             + gathered
             + 112.0 * n_tiles
     };
-    // Columns that ranks send one another, once as they come and once apart.
+    // Columns that ranks send one another, once as received and once decoded.
     let sent = if demand.by_rows && demand.n_ranks > 1 && !on_disk {
         2.0 * ENTRY_BYTE * ENTRIES_AT_ONCE.max(SIDE * n * density)
     } else {
         0.0
     };
-    // 64 rows on their way take 24 to 32 bytes an entry more while they are cut into tiles. At least 16 rows a thread wait.
+    // While 64 rows are cut into tiles, they take 24 to 32 bytes an entry more. At least 16 rows a thread wait.
     let in_work = SIDE * n * demand.density.min(1.0);
     let threads = demand.n_threads as f64;
     let waiting = threads * in_work * ENTRY_BYTE / 4.0;
     let repaired = if demand.repaired { 56.0 } else { 0.0 };
     let bands = if on_disk { 2.0 * SIDE * n * full } else { 0.0 };
     let rows_in_work = sent + waiting + in_work * (ENTRY_BYTE + 32.0 + 12.0) + threads * (in_work * repaired + bands);
-    // Polygons ready for use, some 25 vectors of a solver, and the sums of the pieces of a pass.
+    // Prepared polygons, some 25 vectors of a solver, and the partial sums of a pass.
     let n_pieces = (n / SIDE / 4.0).ceil().min(64.0);
     let vectors = n * (2048.0 + threads * 64.0 + 8.0 * demand.n_channels as f64 * (25.0 + n_pieces));
     MemoryEstimate {
@@ -396,14 +397,15 @@ fn estimate(demand: &StorageDemand, layout: Layout, precision: Precision, on_dis
     }
 }
 
-/// Returns what all computed rows take before they are stored.
+/// Returns the memory of all computed rows before they are stored, in bytes.
 fn all_rows_byte(demand: &StorageDemand) -> u64 {
     let n = demand.n_patches as f64;
     whole(n * n * ENTRY_BYTE * demand.density.min(1.0))
 }
 
-/// Returns an upper bound of the share of entries that are not zero: that of the patches in front of each other's planes, seen from
-/// up to 256 of them.
+/// Returns an upper bound of the share of entries that are not zero.
+///
+/// It is the share of the patches in front of each other's planes, seen from up to 256 of them.
 #[must_use]
 pub fn facing_share(mesh: &Mesh) -> f64 {
     const SAMPLES: usize = 256;
@@ -417,11 +419,11 @@ pub fn facing_share(mesh: &Mesh) -> f64 {
     let n_seen = samples.len() * n;
     let of_sample = |i: usize| (0..n).filter(|&j| in_front(i, j) && in_front(j, i)).count();
     let n_facing: usize = samples.into_par_iter().map(of_sample).sum();
-    // A sample errs; a bound that is a tenth too high does little harm.
+    // A sample has an error; a bound that is a tenth too high does little harm.
     (1.1 * n_facing as f64 / n_seen.max(1) as f64).min(1.0)
 }
 
-/// Returns a number of bytes as people read it.
+/// Returns a number of bytes as text.
 #[must_use]
 pub fn byte_text(byte: u64) -> String {
     let mut value = byte as f64;

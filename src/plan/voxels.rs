@@ -1,67 +1,67 @@
-//! The memory of voxels and their links, estimated before there are any.
+//! Estimates the memory of voxels and their links before they are made.
 
 use super::whole;
 use crate::geometry::polygon;
 use crate::scene::Scene;
 use crate::voxel::Grid;
 
-/// Bytes of a surfel while a scene is cut into voxels: measured, 110 to 145 with those of its first vectors.
+/// Bytes of a surfel while a scene is cut into voxels; 110 to 145 were measured, with those of its first vectors.
 const SURFEL_BYTE: f64 = 160.0;
 
-/// Bytes of a face while gaps and distances are looked for: measured, 630.
+/// Bytes of a face while gaps and distances are computed; 630 were measured.
 const FACE_BYTE: f64 = 720.0;
 
 /// Bytes of a brick of 64 voxels in the octree, and while it is built.
 const BRICK_BYTE: f64 = 24.0;
 
-/// Vectors of surfels that propagation takes, of all channels: exitance, emission, reflectance, the light before and after, and those of the audit.
+/// The number of vectors of surfels for propagation, each of all channels: exitance, emission, reflectance, the light before and after, and those of the audit.
 const VECTORS: f64 = 10.0;
 
-/// The same with a solver, which keeps some more.
+/// The same with a solver, which stores some more.
 const SOLVER_VECTORS: f64 = 25.0;
 
-/// Bytes of a link: measured, 1.3 to 2.0, the less the more directions there are.
+/// Bytes of a link; 1.3 to 2.0 were measured, with fewer for more directions.
 const LINK_BYTE: f64 = 2.3;
 
-/// Bytes of a surfel in a file of voxels while it is written: measured, 180 to 230.
+/// Bytes of a surfel in a file of voxels while it is written; 180 to 230 were measured.
 const WRITTEN_BYTE: f64 = 256.0;
 
-/// Surfels whose links are computed together before they are written, for each thread.
+/// The number of surfels for each thread whose links are computed together before they are written.
 const SURFELS_PER_THREAD: f64 = 8.0 * 256.0;
 
-/// The facts of a voxel run once the scene is cut.
+/// The input of the estimate, once the scene is cut.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VoxelDemand {
-    /// The surfels.
+    /// The number of surfels.
     pub n_surfels: usize,
-    /// Directions of the discrete sphere.
+    /// The number of directions of the discrete sphere.
     pub n_directions: usize,
-    /// Channels of the light.
+    /// The number of channels of the light.
     pub n_channels: usize,
-    /// Threads that work at the same time.
+    /// The number of threads that work at the same time.
     pub n_threads: usize,
-    /// True if a solver takes the place of propagation.
+    /// True if a solver replaces propagation.
     pub solved: bool,
     /// True if the voxels are written to a file.
     pub written: bool,
 }
 
 impl VoxelDemand {
-    /// Returns what links take in memory, in bytes: an upper bound, as half of all directions are in front of a surfel.
+    /// Returns the memory of links, in bytes: an upper bound, as half of all directions are in front of a surfel.
     #[must_use]
     pub fn link_byte(&self) -> u64 {
         whole(self.n_surfels as f64 * self.links_of_one())
     }
 
-    /// Returns what links take in memory while they go to a file, in bytes.
+    /// Returns the memory of links while they are written to a file, in bytes.
     #[must_use]
     pub fn link_window_byte(&self) -> u64 {
         let at_once = (SURFELS_PER_THREAD * self.n_threads as f64).min(self.n_surfels as f64);
-        // A record beside the links that it is made of, on the threads.
+        // The threads hold a record beside the links from which it is made.
         whole(1.5 * at_once * self.links_of_one())
     }
 
-    /// Returns what vectors of surfels and the file of voxels take, in bytes.
+    /// Returns the memory of vectors of surfels and of the file of voxels, in bytes.
     #[must_use]
     pub fn vector_byte(&self) -> u64 {
         let written = if self.written { WRITTEN_BYTE } else { 0.0 };
@@ -74,9 +74,9 @@ impl VoxelDemand {
     }
 }
 
-/// Returns what cutting a scene into voxels takes, in bytes: an upper bound.
+/// Returns the memory for cutting a scene into voxels, in bytes: an upper bound.
 ///
-/// A face of area A and perimeter U gets at most A / h² + U / h + 1 voxels of side h, as the pixels of its main axis cover no more than A.
+/// A face of area A and perimeter U has at most A / h² + U / h + 1 voxels of side h, as the pixels of its main axis cover no more than A.
 #[must_use]
 pub fn voxel_byte(scene: &Scene, grid: &Grid) -> u64 {
     let h = grid.voxel_size;
@@ -110,7 +110,7 @@ mod tests {
                 let said = voxel_byte(&scene, &voxels.grid);
                 let n_surfels = voxels.n_surfels();
                 assert!(said as f64 >= SURFEL_BYTE * n_surfels as f64, "{name} {n}: {n_surfels}");
-                // Faces smaller than a voxel are merged, and of narrow faces the perimeter is most; where faces are large, the bound is near.
+                // Faces smaller than a voxel are merged, and the perimeter dominates for narrow faces; where faces are large, the bound is tight.
                 let loose = said as f64 / (SURFEL_BYTE * n_surfels as f64);
                 let has_large_faces = n == 40 && ["cube", "room-box"].contains(&name);
                 assert!(!has_large_faces || loose < 1.5, "{name} {n}: {loose}");

@@ -44,7 +44,7 @@ pub struct SurfaceRecord {
     pub polygons: Vec<PolygonRecord>,
 }
 
-/// Everything that an image file says beside its pixels: no time, path, thread count or command line.
+/// The text attributes of an image file: no time, path, thread count or command line is among them.
 ///
 /// As attributes of the EXR file, all of them text (JSON in ASCII where they are not plain): `radiosity_format`, `radiosity_version`, `seed`,
 /// `settings` {`render`, `ray_offset_m`, `pixels`, `solution`}, `camera`, `surfaces`, `scene_sha256`; `field` {`surface`}
@@ -57,17 +57,17 @@ pub struct Attributes {
     pub render: RenderSettings,
     /// The distance, in m, by which ray origins were moved off the surfaces.
     pub ray_offset: f64,
-    /// The settings that led to the solution, as the caller tells them.
+    /// The settings that led to the solution, as the caller gives them.
     pub solution: serde_json::Value,
     /// The camera, or the tiles of the unfolded view.
     pub view: ViewDescription,
     /// The scene: one record per surface, in file order.
     pub surfaces: Vec<SurfaceRecord>,
-    /// How the numbers of the layers are stored.
+    /// The storage of the layers' numbers.
     pub pixels: Pixels,
-    /// The surface that the form factors are to, where the image is a [`field`](super::field()).
+    /// The surface whose form factors the image shows, where the image is a [`field`](super::field()).
     pub field: Option<FieldRecord>,
-    /// Whether `surfaces` is what `scene_sha256` was made from; false in a file whose description was changed afterwards.
+    /// True if `scene_sha256` is that of `surfaces`; false in a file whose description was changed afterwards.
     pub scene_intact: bool,
 }
 
@@ -152,7 +152,7 @@ impl Attributes {
         Ok(texts)
     }
 
-    /// Reads what [`to_texts`](Self::to_texts) wrote; `text` looks an attribute up.
+    /// Reads the texts of [`to_texts`](Self::to_texts); `text` returns an attribute by its name.
     pub(super) fn from_texts(text: impl Fn(&'static str) -> Option<String>) -> Result<Self, AttributeError> {
         let get = |name| text(name).ok_or(AttributeError::Missing(name));
         let format = get("radiosity_format")?;
@@ -176,7 +176,7 @@ impl Attributes {
     }
 }
 
-/// Why attributes cannot be read.
+/// A reason why attributes cannot be read.
 #[derive(Debug)]
 pub(super) enum AttributeError {
     Missing(&'static str),

@@ -1,4 +1,4 @@
-//! The irradiance that comes straight from the emitters, integrated at every pixel.
+//! The irradiance straight from the emitters, integrated at every pixel.
 
 use std::num::NonZeroU32;
 
@@ -16,30 +16,30 @@ use crate::mesh::Mesh;
 use crate::scene::{FaceId, Scene};
 use crate::visibility::{Coherence, HitBatch, Visibility};
 
-/// How the direct irradiance of a pixel is found.
+/// The method that finds the direct irradiance of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum DirectMethod {
-    /// Not at all: all irradiance is interpolated from the patches.
+    /// No direct pass: all irradiance is interpolated from the patches.
     #[default]
     Off,
-    /// By cosine-distributed rays: H = 1/n Σ E(front hit by ray k).
+    /// Cosine-distributed rays: H = 1/n Σ E(front hit by ray k).
     ///
-    /// Unbiased; it knows nothing of the emitters' shapes. The error falls as n^(−1/2) at least, best with n a power of two.
+    /// Unbiased, and independent of the emitters' shapes. The error falls at least as n^(−1/2), best with n a power of two.
     CosineRays {
         /// Rays per sample of a pixel.
         n: NonZeroU32,
     },
-    /// By the exact form factor to every emitting face, times the fraction of it that is visible: H = Σ_j E_j F(x → j) V_j.
+    /// The exact form factor to every emitting face, times its visible fraction: H = Σ_j E_j F(x → j) V_j.
     ///
     /// V = Σ w_k v_k / Σ w_k over n points of the face, with v = 1 where a shadow ray arrives and w = cos θ cos θ′ / r². Exact where the
-    /// face is visible as a whole or not at all; in a penumbra consistent, with a bias of order 1/n.
+    /// face is fully visible or hidden; in a penumbra consistent, with a bias of order 1/n.
     /// The time grows with pixels × emitting faces × n.
     Polygons {
         /// Shadow rays per emitting face and sample of a pixel.
         n: NonZeroU32,
     },
-    /// By the exact form factor to the visible part of every emitting face: H = Σ_j E_j F(x → visible part of j), in f64 and without rays.
+    /// The exact form factor to the visible part of every emitting face: H = Σ_j E_j F(x → visible part of j), in f64 and without rays.
     ///
     /// Each face is clipped against the occluders between it and the point's patch (see [`VisibleFactor`](crate::form_factor::partial::VisibleFactor)).
     /// No noise; the error is that of rounding. The time grows with pixels × emitting faces × occluders in between.
@@ -47,13 +47,16 @@ pub enum DirectMethod {
 }
 
 impl DirectMethod {
-    /// Rays of [`CosineRays`](Self::CosineRays) where no number is given.
+    /// The default number of rays of [`CosineRays`](Self::CosineRays).
     pub const RAYS: NonZeroU32 = NonZeroU32::MIN.saturating_add(4095);
 
-    /// Shadow rays of [`Polygons`](Self::Polygons) where no number is given.
+    /// The default number of shadow rays of [`Polygons`](Self::Polygons).
     pub const SHADOW_RAYS: NonZeroU32 = NonZeroU32::MIN.saturating_add(15);
 
-    /// Returns the method of an image where none is given: none where patches are shown `flat`, rays, whose noise is known, in an unfolded view, which is for checks, and else polygons.
+    /// Returns the default method of an image.
+    ///
+    /// It is [`Off`](Self::Off) where patches are shown `flat`, [`CosineRays`](Self::CosineRays), whose noise is known, in an unfolded view, which is for checks, and else
+    /// [`Polygons`](Self::Polygons).
     #[must_use]
     pub fn suited(is_unfolded: bool, flat: bool) -> Self {
         match (is_unfolded, flat) {
@@ -74,18 +77,18 @@ impl DirectMethod {
     }
 }
 
-/// A map of a convex face into its inside, away from the edges.
+/// A map of a convex face into its interior, away from the edges.
 ///
-/// Points within rounding of an edge may lie behind the neighbouring wall once they are f32, and see nothing.
+/// A point within rounding of an edge may lie behind the neighbouring wall once it is in f32, and see nothing.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Inset {
     centroid: DVec3,
-    /// Points move to centroid + scale (point − centroid).
+    /// The scale of the map: points move to centroid + scale (point − centroid).
     scale: f64,
 }
 
 impl Inset {
-    /// The map that leaves no point nearer to an edge than `margin`, or half of the way from the centroid in a face that is too narrow for that.
+    /// Returns the map that leaves no point nearer to an edge than `margin`, or half of the way from the centroid in a face that is too narrow for that.
     pub(super) fn new(corners: &[DVec3], margin: f64) -> Self {
         let centroid = polygon::centroid(corners);
         let scale = 1.0 - (margin / edge_distance(corners, centroid)).min(0.5);
@@ -125,7 +128,7 @@ pub(super) struct DirectPass<'a> {
     emitters: Vec<Emitter>,
     /// E of every face.
     exitance: Vec<[f64; 3]>,
-    /// The occluders, where they are wanted exactly.
+    /// The occluders, for the exact method.
     clear: Option<ClearParts<'a>>,
 }
 
@@ -137,7 +140,7 @@ pub(super) struct Scratch {
     seen: SeenByPatch,
 }
 
-/// How many of the visibility's offsets the ends of rays keep away from the edges of their faces.
+/// The distance that the ends of rays keep from the edges of their faces, in units of the visibility's offset.
 pub(super) const EDGE_OFFSETS: f64 = 2.0;
 
 /// The most rays that are traced at once.
@@ -226,7 +229,7 @@ impl<'a> DirectPass<'a> {
         PointStream::new(self.sequence, self.seed, at.stream)
     }
 
-    /// Returns where the rays of a point of a face start, in the frame of the visibility.
+    /// Returns the origin of the rays of a point of a face, in the frame of the visibility.
     pub(super) fn origin(&self, face: FaceId, at: DVec3, normal: DVec3) -> DVec3 {
         let offset = self.visibility.offset();
         let corners = self.scene.polygon(face);
@@ -266,7 +269,7 @@ impl<'a> DirectPass<'a> {
         let mean = sum.map(|sum| sum / n);
         DirectEstimate {
             mean,
-            // A single sample says nothing of its spread; its square is the most it can be.
+            // A single sample does not show its spread; its square is an upper bound.
             variance: std::array::from_fn(|c| {
                 let spread = (squares[c] / n - mean[c] * mean[c]).max(0.0);
                 if n > 1.0 { spread / (n - 1.0) } else { squares[c] }
@@ -274,12 +277,12 @@ impl<'a> DirectPass<'a> {
         }
     }
 
-    /// Verification draws the same points again, from what the picture's attributes say.
+    /// Estimates by points on the emitters, which verification draws again from the image's attributes.
     fn by_polygons(&self, at: &DirectPoint, n: u32, scratch: &mut Scratch) -> DirectEstimate {
         let mut stream = self.stream(at);
         let mut estimate = DirectEstimate::default();
         for emitter in &self.emitters {
-            // Each emitter takes its share of the stream, whether it is seen or not.
+            // Each emitter uses the same part of the stream, whether it is visible or not.
             let form_factor = point_form_factor(at.point, at.normal, &emitter.corners);
             if form_factor > 0.0 {
                 let (fraction, variance) = self.visible_fraction(at, emitter, n, &mut stream, scratch);
@@ -327,7 +330,7 @@ impl<'a> DirectPass<'a> {
                 }
             }
             if left == 0 && rays.is_empty() && total <= 0.0 {
-                // All points are below the horizon, but a part of the face is not.
+                // All points are below the horizon, but a part of the face is above it.
                 let above = clip_to_half_space(&emitter.corners, at.point, at.normal);
                 let to = above.iter().sum::<DVec3>() / above.len() as f64;
                 weights.push(1.0);

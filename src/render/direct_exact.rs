@@ -1,4 +1,4 @@
-//! Form factors from points to the visible parts of emitters, exactly.
+//! Exact form factors from points to the visible parts of emitters.
 
 use std::collections::HashMap;
 
@@ -11,7 +11,7 @@ use crate::mesh::{Mesh, PatchId};
 use crate::scene::Scene;
 use crate::visibility::occluders::{OccluderIndex, PairVisibility};
 
-/// The input for finding the parts of an emitter that a patch sees.
+/// The input for finding the visible parts of an emitter.
 pub(super) struct ClearParts<'a> {
     mesh: &'a Mesh,
     index: OccluderIndex,
@@ -80,7 +80,7 @@ mod tests {
     use crate::mesh::Subdivision;
     use crate::scene::FaceId;
 
-    /// The part of a lamp that the way from a point through a plate leads to, by planes through the point.
+    /// Returns the part of a lamp that a plate hides from a point, by planes through the point.
     fn hidden_part(point: DVec3, plate: &[DVec3; 4], lamp: &[DVec3]) -> Vec<DVec3> {
         let middle = plate.iter().sum::<DVec3>() / 4.0;
         let mut part = lamp.to_vec();
@@ -92,7 +92,7 @@ mod tests {
         part
     }
 
-    /// A plate over a floor, and a lamp of one solid angle at ever greater distances: points in its penumbra see the same part of it.
+    /// Tests a plate over a floor with lamps of one solid angle at ever greater distances: points in its penumbra see the same part of each.
     #[test]
     fn a_near_plate_keeps_its_shadow_before_a_far_lamp() {
         for (turn, to) in [
@@ -118,7 +118,7 @@ mod tests {
             let mut parts_of_nearest: Vec<f64> = Vec::new();
             for exponent in 1..=9 {
                 let distance = 10.0_f64.powi(exponent);
-                // Its front looks at the floor.
+                // The front of the lamp faces the floor.
                 let lamp = square(distance * to, 0.2 * distance * up, 0.3 * distance * across);
                 let scene = Scene::of_quads(&[floor, plate, back, lamp]);
                 let mesh = Mesh::new(&scene, Subdivision::Uniform(1)).unwrap();
@@ -146,7 +146,7 @@ mod tests {
                 }
                 let n_in_penumbra = parts.iter().filter(|part| (0.02..0.98).contains(*part)).count();
                 assert!(n_in_penumbra > 10, "{distance:e}: {n_in_penumbra}");
-                // From 1e3 on what is left of the parallax is that of the floor's size.
+                // From 1e3 on only the size of the floor causes parallax.
                 if exponent == 3 {
                     parts_of_nearest = parts;
                 } else if exponent > 3 {

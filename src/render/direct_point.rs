@@ -1,4 +1,4 @@
-//! A point that light comes to straight from its source, and how much does.
+//! A point that receives direct light, the estimate there, and its shadow rays.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -27,7 +27,7 @@ pub(super) struct DirectEstimate {
     pub(super) variance: [f64; 3],
 }
 
-/// Rays from a point to where light may come from, with their weights, and whether they are blocked.
+/// Rays from a point to the light, with their weights and whether they are occluded.
 #[derive(Default)]
 pub(super) struct ShadowRays {
     pub(super) rays: RayBatch,

@@ -1,19 +1,19 @@
-//! Pictures on a screen while they are rendered: the protocol of the image viewer tev.
+//! Shows images on a screen while they are rendered, by the protocol of the image viewer tev.
 
 use std::io::{self, Write as _};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::sync::Mutex;
 use std::time::Duration;
 
-/// Is told of pixels as they are rendered, by any thread.
+/// An observer of pixels as they are rendered, called by any thread.
 pub trait Watcher: Sync {
-    /// Takes the radiances of a rectangle of pixels, row by row, its first pixel at column `x` and row `y`.
+    /// Receives the radiances of a rectangle of pixels, row by row, its first pixel at column `x` and row `y`.
     ///
-    /// With final gather a rectangle comes again after every round.
+    /// With final gather a rectangle is sent again after every round.
     fn pixels(&self, x: u32, y: u32, width: u32, height: u32, radiance: &[[f32; 3]]);
 }
 
-/// Nobody watches.
+/// An observer that does nothing.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Unwatched;
 
@@ -21,7 +21,7 @@ impl Watcher for Unwatched {
     fn pixels(&self, _x: u32, _y: u32, _width: u32, _height: u32, _radiance: &[[f32; 3]]) {}
 }
 
-/// How long a viewer may take to answer, and to accept pixels.
+/// The time limit for a viewer to answer, and to accept pixels.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// The kinds of packets that are sent.
@@ -34,8 +34,8 @@ const CHANNELS: [&str; 3] = ["R", "G", "B"];
 ///
 /// Packets (little-endian): length of the whole packet as u32; kind as u8; then for a new image (4) focus as u8, name, width, height and number of channels as i32, their names;
 /// for pixels (6) focus, name, number of channels, their names, x, y, width, height as i32, for every channel its offset and then for every channel its stride as i64, samples as f32.
-/// Texts end with 0. The bytes are those of the viewer's own Python client (tevclient 1.0.4), and what the viewer's source (`Ipc.h`, `IpcPacket`) reads; the viewer itself was not
-/// at hand. Where the viewer goes away the rest is dropped: a picture does not wait for its display.
+/// Texts end with 0. The bytes are those of the viewer's own Python client (tevclient 1.0.4), and agree with the viewer's source (`Ipc.h`, `IpcPacket`); they were not tested with the viewer
+/// itself. If the viewer disconnects, the rest is dropped: rendering does not wait for the display.
 #[derive(Debug)]
 pub struct TevDisplay {
     name: String,
@@ -46,14 +46,14 @@ impl TevDisplay {
     /// Connects to HOST:PORT and opens an image of the given name there.
     ///
     /// # Errors
-    /// If the address cannot be resolved, or nothing listens there.
+    /// An address that cannot be resolved, or at which no program listens.
     pub fn connect(address: &str, name: &str, width: u32, height: u32) -> io::Result<Self> {
         let mut failure = io::Error::new(io::ErrorKind::NotFound, "the address has no host");
         for place in address.to_socket_addrs()? {
             match TcpStream::connect_timeout(&place, PATIENCE) {
                 Ok(mut stream) => {
                     stream.set_write_timeout(Some(PATIENCE))?;
-                    // A name must not end the text that it stands in.
+                    // A zero would end the text of the name.
                     let name = name.replace('\0', " ");
                     let mut packet = Packet::new(CREATE_IMAGE, true, &name);
                     packet.numbers(&[width, height]);
@@ -68,7 +68,7 @@ impl TevDisplay {
         Err(failure)
     }
 
-    /// Returns whether the viewer took all that was sent so far.
+    /// Returns whether the viewer accepted all packets so far.
     #[must_use]
     pub fn is_connected(&self) -> bool {
         self.stream.lock().is_ok_and(|stream| stream.is_some())
@@ -111,7 +111,7 @@ impl Packet {
         self.0.push(0);
     }
 
-    /// Sizes of images are below 2^31, so that unsigned and signed numbers have the same bytes.
+    /// Appends numbers below 2³¹, for which signed and unsigned integers have the same bytes.
     fn numbers(&mut self, numbers: &[u32]) {
         for number in numbers {
             self.0.extend(number.to_le_bytes());

@@ -10,7 +10,7 @@ use crate::printable::{printable_message, quoted};
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum RenderError {
-    /// A direct pass adds the indirect irradiance, which was not given.
+    /// A direct pass needs the indirect irradiance, which is missing.
     #[error("a direct pass needs the indirect irradiance F (B - E) of every patch")]
     MissingIndirect,
     /// The view has more pixels than an image file can hold.
@@ -31,7 +31,7 @@ pub enum RenderError {
     Io {
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The reason.
         source: std::io::Error,
     },
     /// The file is no OpenEXR file, or a damaged one.
@@ -57,10 +57,10 @@ pub enum RenderError {
         path: PathBuf,
         /// The attribute.
         name: &'static str,
-        /// An error of it.
+        /// The error in the attribute.
         reason: String,
     },
-    /// The attributes were written by a version whose layout this one does not know.
+    /// A version with another layout wrote the attributes.
     #[error("{path} has attributes of format {}, this program reads format {expected}", quoted(.found))]
     WrongFormat {
         /// The file.

@@ -1,4 +1,4 @@
-//! OpenEXR files: the image's layers and what verification needs.
+//! OpenEXR files with the image's layers and the input of verification.
 
 use std::collections::BTreeMap;
 use std::io::{BufReader, Cursor, Write as _};
@@ -56,13 +56,13 @@ pub fn write(path: &Path, image: &Image, attributes: &Attributes) -> Result<(), 
     write_parts(path, image, attributes, Parts::Single)
 }
 
-/// Writes an image with its attributes, whole or not at all.
+/// Writes an image with its attributes; the file is replaced atomically.
 ///
-/// Scan lines, ZIP in blocks of 16 lines, every layer a channel of floats (of the kind that `attributes.pixels` says) or of 32-bit unsigned integers.
+/// Scan lines, ZIP in blocks of 16 lines, every layer a channel of floats (as `attributes.pixels` sets) or of 32-bit unsigned integers.
 /// With several parts the attributes are those of the first. Equal arguments give equal bytes.
 ///
 /// # Errors
-/// [`RenderError::Io`], [`RenderError::Encode`]; [`RenderError::Overflow`] for light that is no finite number.
+/// [`RenderError::Io`], [`RenderError::Encode`]; [`RenderError::Overflow`] for light that is not a finite number.
 pub fn write_parts(path: &Path, image: &Image, attributes: &Attributes, parts: Parts) -> Result<(), RenderError> {
     let bytes = encode(image, attributes, parts)?;
     whole_file::write(path, |writer| writer.write_all(&bytes)).map_err(|source| RenderError::Io {
@@ -75,7 +75,7 @@ pub fn write_parts(path: &Path, image: &Image, attributes: &Attributes, parts: P
 ///
 /// # Errors
 /// [`RenderError::Io`] if the file cannot be read, [`RenderError::NotExr`] if it is no EXR file or damaged,
-/// [`RenderError::MissingAttribute`], [`RenderError::BadAttribute`] and [`RenderError::WrongFormat`] if it says too little about itself.
+/// [`RenderError::MissingAttribute`], [`RenderError::BadAttribute`] and [`RenderError::WrongFormat`] if its attributes are incomplete or unreadable.
 pub fn read(path: &Path) -> Result<(Image, Attributes), RenderError> {
     let bytes = input_file::read(path, u64::MAX).map_err(|source| RenderError::Io {
         path: path.to_owned(),
@@ -107,7 +107,7 @@ fn encode(image: &Image, attributes: &Attributes, parts: Parts) -> Result<Vec<u8
         let channel = AnyChannel::new(layer.name.as_str(), stored(layer, attributes.pixels));
         groups.entry(group).or_default().push(channel);
     }
-    // The picture comes first: it is what programs show that know nothing of parts.
+    // The `rgba` part comes first, as programs without support for parts show it.
     let mut order: Vec<&str> = groups.keys().copied().collect();
     order.sort_by_key(|&name| (name != PICTURE, name));
     let layers = order.into_iter().enumerate().map(|(k, name)| {
@@ -168,22 +168,22 @@ fn stored(layer: &Layer, pixels: Pixels) -> FlatSamples {
     }
 }
 
-/// Puts the attributes of each part into the order of their names: the encoder's own order changes from run to run.
+/// Sorts the attributes of each part by their names: the encoder's own order changes from run to run.
 ///
-/// The headers keep their lengths, so that the offsets of the pixel blocks stay right. Returns `None` if the bytes are no such headers.
+/// The headers keep their lengths, so the offsets of the pixel blocks stay valid. Returns `None` if the bytes are not such headers.
 fn sort_attributes(bytes: &mut [u8]) -> Option<()> {
     const START: usize = 8; // magic number, version
     const MULTI_PART: u8 = 0x10; // of the version's second byte
     let is_multi_part = bytes.get(5)? & MULTI_PART != 0;
     let mut at = sort_header(bytes, START)?;
-    // Another empty header ends the list of several.
+    // An empty header ends a list of several.
     while is_multi_part && *bytes.get(at)? != 0 {
         at = sort_header(bytes, at)?;
     }
     Some(())
 }
 
-/// Sorts the header that starts at `start`, and returns where it ends.
+/// Sorts the header that starts at `start`, and returns its end.
 fn sort_header(bytes: &mut [u8], start: usize) -> Option<usize> {
     let mut attributes: Vec<&[u8]> = Vec::new();
     let mut at = start;
@@ -196,18 +196,19 @@ fn sort_header(bytes: &mut [u8], start: usize) -> Option<usize> {
         attributes.push(bytes.get(at..end)?);
         at = end;
     }
-    // The name comes first in the bytes, and no name is the beginning of another without its 0.
+    // The bytes begin with the name, and with its final 0 no name is a prefix of another.
     attributes.sort_unstable();
     let sorted = attributes.concat();
     bytes.get_mut(start..at)?.copy_from_slice(&sorted);
     Some(at + 1)
 }
 
-/// Bytes of pixels that one byte of a file can hold: deflate makes 1032 of it and no more, of which `PXR24` makes 4/3, as it keeps 3 of 4;
-/// the other compressions make less.
+/// The greatest number of bytes of pixels in one byte of a file.
+///
+/// Deflate expands a byte to at most 1032, of which `PXR24` makes 4/3, as it stores 3 of 4 bytes; other compressions expand less.
 const BYTES_OF_ONE: u128 = 1376;
 
-/// Returns the sum over all pixels of what `of_pixel` says of a header.
+/// Returns the sum over all pixels of `of_pixel` for their header.
 fn promised(meta: &MetaData, of_pixel: impl Fn(&Header) -> usize) -> u128 {
     let of_header = |header: &Header| {
         let [width, height] = [header.layer_size.x(), header.layer_size.y()].map(|n| n as u128);
@@ -216,12 +217,12 @@ fn promised(meta: &MetaData, of_pixel: impl Fn(&Header) -> usize) -> u128 {
     meta.headers.iter().map(of_header).fold(0, u128::saturating_add)
 }
 
-/// Memory for each number of a file while it is read and verified: 8.2 were measured with 1024 by 768 pixels and 33 layers.
+/// The memory for each number of a file while it is read and verified: an image of 1024 by 768 pixels and 33 layers needs 8.2 bytes.
 const NUMBER_BYTE: u128 = 10;
 
-/// Returns the memory that reading a file and [`verify`](super::verify::verify) take, as its header promises.
+/// Returns the memory, in bytes, for reading a file and [verifying](super::verify::verify) it, as its header states.
 ///
-/// The size of a pipe's content is unknown, and counts as nothing.
+/// The size of a pipe's content is unknown and counts as 0.
 ///
 /// # Errors
 /// [`RenderError::Io`], [`RenderError::NotExr`].
@@ -245,7 +246,7 @@ pub fn reading_byte(path: &Path) -> Result<u64, RenderError> {
     Ok(u64::try_from(byte).unwrap_or(u64::MAX))
 }
 
-/// Refuses a header that promises more pixels than its file can hold: the decoder makes room for them at once, and ends the program where there is none.
+/// Refuses a header that states more pixels than its file can hold: the decoder allocates them at once, and aborts the program if this fails.
 fn expect_held(meta: &MetaData, in_file: u64) -> Result<(), ::exr::error::Error> {
     let promised = promised(meta, |header| header.channels.bytes_per_pixel);
     if promised <= BYTES_OF_ONE * u128::from(in_file) {

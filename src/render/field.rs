@@ -19,17 +19,17 @@ use crate::progress::Progress;
 use crate::scene::{Material, MaterialId, Scene, SurfaceId};
 use crate::visibility::Visibility;
 
-/// Rays to each face of the surface, where the field is found by [`DirectMethod::Polygons`](super::DirectMethod::Polygons) and no number is given.
+/// The default number of rays to each face of the surface, for a field by [`DirectMethod::Polygons`](super::DirectMethod::Polygons).
 pub const FIELD_SHADOW_RAYS: NonZeroU32 = NonZeroU32::MIN.saturating_add(63);
 
 /// The description of a field of form factors in an image file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FieldRecord {
-    /// The name of the surface that the form factors are to.
+    /// The name of the target surface.
     pub surface: String,
 }
 
-/// A scene and the surface whose form factors are wanted.
+/// A scene and the target surface of form factors.
 #[derive(Clone, Copy)]
 pub struct FieldInput<'a> {
     /// The scene.
@@ -44,11 +44,11 @@ pub struct FieldInput<'a> {
 
 /// Renders the form factor F(x → S) from every visible point x to the visible part of a surface S.
 ///
-/// F is the irradiance at x where S alone emits, 1 W·m⁻², and nothing reflects: `settings.direct` says how it is found, and the error is that of the
+/// F is the irradiance at x where S alone emits, 1 W·m⁻², and nothing reflects: `settings.direct` selects the method, and the error is that of the
 /// [method](super::DirectMethod). It is 0 on backs of faces and in the background.
 ///
 /// Layers (f32 but for `patch`): `Y` the form factor, in \[0, 1\], the mean over the pixel's samples; `error` its standard error as if all samples were
-/// independent, 0 where the method has none; `N.X/Y/Z`, `P.X/Y/Z`, `Z` and `patch` as in [`render`](super::render()).
+/// independent, 0 for methods without one; `N.X/Y/Z`, `P.X/Y/Z`, `Z` and `patch` as in [`render`](super::render()).
 ///
 /// Equal arguments give equal images at any number of threads.
 ///
@@ -118,7 +118,7 @@ fn lit_by(scene: &Scene, surface: SurfaceId) -> Scene {
 pub struct Field {
     /// Its layers.
     pub image: Image,
-    /// Its mean over what the image shows of each surface of the scene.
+    /// Its mean over the visible part of each surface of the scene.
     pub means: Vec<SurfaceMean>,
 }
 

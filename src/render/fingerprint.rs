@@ -1,4 +1,4 @@
-//! The fingerprint of all that an image depends on.
+//! The fingerprint of the input of an image.
 
 use sha2::{Digest, Sha256};
 
@@ -9,7 +9,7 @@ use super::view::View;
 use crate::matrix::operator::Block;
 
 impl RenderInput<'_> {
-    /// Returns the SHA-256 of everything that the image depends on: scene, patches, solution, view, settings, where rays begin, and the version of the program.
+    /// Returns the SHA-256 of the input of an image: scene, patches, solution, view, settings, the rays' offset, and the version of the program.
     #[must_use]
     pub fn fingerprint(&self, view: &dyn View, settings: &RenderSettings) -> [u8; 32] {
         let mut hasher = Sha256::new();
@@ -17,7 +17,7 @@ impl RenderInput<'_> {
         hasher.update(self.scene.content_hash());
         hasher.update(self.mesh.geometry_hash());
         let (width, height) = view.size();
-        // Debug shows every digit of a float.
+        // The debug format shows every digit of a float.
         hasher.update(format!("{width} {height} {:?} {settings:?}\n", view.description()));
         if self.outdoors != Outdoors::default() {
             hasher.update(format!("{:?}\n", self.outdoors));

@@ -1,14 +1,14 @@
-//! Planar surfaces and the rectangles around them.
+//! Planar surfaces and their bounding rectangles.
 
 use glam::{DVec2, DVec3};
 
 use crate::geometry::polygon;
 use crate::scene::{FaceId, Scene, SurfaceId};
 
-/// How far a planar surface's vertices may lie from its plane, relative to its size: room for the rounding of a scene file.
+/// The greatest distance of a planar surface's vertices from its plane, relative to its size, which allows for the rounding of a scene file.
 const PLANARITY_TOLERANCE: f64 = 1e-6;
 
-/// A surface whose faces lie in one plane and look the same way.
+/// A surface whose faces lie in one plane and face the same way.
 #[derive(Clone, Debug)]
 pub(super) struct FlatSurface {
     pub(super) surface: SurfaceId,
@@ -46,7 +46,7 @@ impl FlatSurface {
     }
 }
 
-/// Returns the planar surfaces in file order, and the names of the others. Surfaces without faces are in neither list.
+/// Returns the planar surfaces in file order, and the names of the others; surfaces without faces are in neither list.
 pub(super) fn flat_surfaces(scene: &Scene) -> (Vec<FlatSurface>, Vec<String>) {
     let mut faces_of: Vec<Vec<FaceId>> = vec![Vec::new(); scene.surfaces.len()];
     for face in scene.face_ids() {

@@ -1,7 +1,8 @@
 //! Final gather: the irradiance at each visible point by rays against the radiosity solution.
 //!
-//! How many rays a pixel takes depends on what some of its rays met. A mean over these same rays would be biased: where few of them met what is bright their mean is low, they agree, and there it would end. So
-//! pilot rays decide, and the rays of the mean are others (a two-stage procedure: C. Stein, "A two-sample test for a linear hypothesis whose power is independent of the variance", Ann. Math. Stat. 16, 1945).
+//! The number of rays of a pixel depends on some of its rays. A mean over these same rays would be biased: where few of them met a bright part, their mean is low and they agree, and sampling would
+//! end. So pilot rays decide, and the mean is taken over others (a two-stage procedure: C. Stein, "A two-sample test for a linear hypothesis whose power is independent of the variance", Ann. Math.
+//! Stat. 16, 1945).
 
 use std::num::NonZeroU32;
 
@@ -16,18 +17,19 @@ use super::shade::{Shader, SurfacePoint};
 use crate::geometry::sampling::{Frame, PointStream, Sequence};
 use crate::visibility::{Coherence, HitBatch, RayBatch};
 
-/// How the irradiance of a pixel is gathered.
+/// The settings of final gather.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GatherSettings {
-    /// The standard error that a pixel may have, relative to the largest channel of its irradiance.
+    /// The wanted standard error of a pixel, relative to the largest channel of its irradiance.
     pub noise: f64,
-    /// The most rays that the mean of one pixel is taken over, all its samples together; one for each of sixteen nets and each sample that sees a surface is taken all the same.
-    /// A quarter as many decide how many these are.
+    /// The greatest number of rays in the mean of one pixel, for all its samples together.
+    ///
+    /// At least one ray is traced for each of sixteen nets and each sample that sees a surface. Up to a quarter as many pilot rays decide the number.
     pub max_rays: NonZeroU32,
 }
 
 impl Default for GatherSettings {
-    /// A noise of 2 %, which the eye does not see, with up to 16384 rays a pixel.
+    /// Returns a noise of 2 %, which is hardly visible, with up to 16384 rays a pixel.
     fn default() -> Self {
         Self {
             noise: 0.02,
@@ -36,36 +38,42 @@ impl Default for GatherSettings {
     }
 }
 
-/// Independent scrambles of a pixel's points: their spread is its variance.
+/// The number of independent scrambles of a pixel's points, whose spread is its variance.
 ///
 /// Sixteen leave the standard error itself uncertain by 18 % (χ² with 15 degrees of freedom); more would make each net shorter.
 const N_NETS: usize = 16;
 
-/// By how much the spread of the nets is increased: three stated errors of Student's t with 15 degrees of freedom are then as rarely exceeded as three of a normal distribution (0.27 %).
+/// The factor by which the spread of the nets is increased.
+///
+/// Three stated errors of Student's t with 15 degrees of freedom are then exceeded as rarely as three of a normal distribution (0.27 %).
 const STUDENT: f64 = 1.195;
 
-/// So many times the pilot rays are the rays of the mean.
+/// The ratio of the rays of the mean to the pilot rays.
 const RAYS_PER_PILOT: u32 = 4;
 
-/// So much smaller is the standard error of the mean taken to be than that of the pilot rays: scrambled nets err as n^(−0.8) in most pixels, independent rays as n^(−1/2).
+/// The assumed ratio of the standard errors of the pilot rays and of the mean.
+///
+/// Scrambled nets err as n^(−0.8) in most pixels, independent rays as n^(−1/2).
 const GAIN: f64 = 2.5;
 
-/// A pixel whose standard error is more than so many times what is wanted was misjudged: its rays become the pilot rays of others. So few pixels are that the bias that this makes stays below 1e-4.
+/// The ratio of a pixel's standard error to the wanted one above which its rays become the pilot rays of others.
+///
+/// Such misjudged pixels are so few that their bias stays below 1e-4.
 const MISJUDGED: f64 = 2.0;
 
-/// Pilot rays for a pixel before their spread is looked at.
+/// The number of pilot rays of a pixel before the first test of their spread.
 const FIRST_RAYS: u32 = 64;
 
-/// Rays of a block's pixels, all together, before they are looked at: where a block has few pixels, each begins with more than [`FIRST_RAYS`].
+/// The number of first rays of a block's pixels together: where a block has few pixels, each begins with more than [`FIRST_RAYS`].
 const FIRST_RAYS_OF_A_BLOCK: u32 = 4096;
 
-/// Seeds the gathering apart from the direct pass.
+/// The seed that separates gathering from the direct pass.
 const SEED: u64 = 0x6761_7468_6572_6564;
 
-/// A place on a surface that is a part of a pixel.
+/// A point of a surface that is a part of a pixel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PixelPart {
-    /// The number of the pixel in its block.
+    /// The index of the pixel in its block.
     pub(super) pixel: usize,
     pub(super) point: SurfacePoint,
     /// The share of the pixel's colour.
@@ -77,37 +85,37 @@ pub(super) struct PixelPart {
 /// The light gathered for one pixel so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Gathered {
-    /// Per net, Σ over its points of the pixel's irradiance.
+    /// The sum of the pixel's irradiance over the points of each net.
     nets: [[f64; 3]; N_NETS],
-    /// Σ over all points of ρ times the irradiance.
+    /// The sum of ρ times the irradiance over all points.
     reflected: [f64; 3],
-    /// The most and the least that a ray brought.
+    /// The least and the greatest light of a ray.
     range: Option<[[f64; 3]; 2]>,
-    /// The variance of what is too rare for this pixel's rays to tell of.
+    /// The variance by light that is too rare for this pixel's rays to show.
     rare: [f64; 3],
-    /// Points of each net and part.
+    /// The number of points of each net and part.
     n_points: u32,
     n_parts: u32,
     stage: Stage,
 }
 
-/// How far a pixel is.
+/// The stage of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Stage {
-    /// Pilot rays find out how many rays it takes.
+    /// Pilot rays determine the number of rays.
     #[default]
     Pilot,
-    /// They did.
+    /// The number of rays is determined.
     Decided,
-    /// The rays of the mean were traced.
+    /// The rays of the mean are traced.
     Finished,
 }
 
 impl Gathered {
     /// Returns the irradiance, ρ times it, and the variance of the irradiance.
     ///
-    /// Nets may agree by chance while rays differ. The variance is at least that of one ray that could as well have met the brightest thing as the darkest of those that were met,
-    /// and that of the [rare light](super::rare) about; it is 0 where all rays met the same and that is believed.
+    /// Nets may agree by chance while rays differ. The variance is at least that of one ray that meets either the brightest or the darkest of the values found, and that of the surrounding
+    /// [rare light](super::rare). It is 0 where all rays found the same value and this counts as certain.
     pub(super) fn estimate(&self) -> [[f64; 3]; 3] {
         let points = f64::from(self.n_points.max(1)) * N_NETS as f64;
         let variance = self.variance(self.n_rays(), self.spread());
@@ -124,7 +132,7 @@ impl Gathered {
         std::array::from_fn(|c| self.nets.iter().map(|net| net[c]).sum::<f64>() / n)
     }
 
-    /// Returns the variance that the nets' spread shows.
+    /// Returns the variance by the spread of the nets.
     fn spread(&self) -> [f64; 3] {
         let (n, mean) = (f64::from(self.n_points.max(1)), self.mean());
         let pairs = (N_NETS * (N_NETS - 1)) as f64;
@@ -134,7 +142,7 @@ impl Gathered {
         })
     }
 
-    /// Returns the variance of a mean over so many rays whose nets have this spread.
+    /// Returns the variance of a mean over `n_rays` rays whose nets have the given spread.
     fn variance(&self, n_rays: u32, spread: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|c| {
             let one_ray = self
@@ -149,20 +157,20 @@ impl Gathered {
         rays_of_a_point(self.n_parts) * self.n_points
     }
 
-    /// Returns how many rays the mean will be taken over.
+    /// Returns the number of rays for the mean.
     fn n_wanted(&self) -> u32 {
         RAYS_PER_PILOT.saturating_mul(self.n_rays())
     }
 }
 
-/// Numbers of 8 bytes that [`Gathered::encode`] makes.
+/// The number of 8-byte numbers that [`Gathered::encode`] writes.
 const N_NUMBERS: usize = 3 * N_NETS + 3 + 6 + 3 + 1;
 
 impl Gathered {
-    /// Bytes that a pixel takes in a checkpoint.
+    /// The number of bytes of a pixel in a checkpoint.
     pub(super) const N_BYTE: usize = 8 * N_NUMBERS;
 
-    /// Writes all of it as numbers of 8 bytes, little-endian.
+    /// Appends the state as 8-byte numbers, little-endian.
     pub(super) fn encode(&self, bytes: &mut Vec<u8>) {
         let [least, most] = self.range.unwrap_or([[f64::NAN; 3]; 2]);
         let numbers = self
@@ -177,11 +185,11 @@ impl Gathered {
             bytes.extend(number.to_bits().to_le_bytes());
         }
         bytes.extend(self.n_points.to_le_bytes());
-        // A pixel has 4096 parts at most.
+        // A pixel has at most 4096 parts.
         bytes.extend((self.n_parts << 2 | self.stage as u32).to_le_bytes());
     }
 
-    /// Returns what [`encode`](Self::encode) wrote; `None` for another length.
+    /// Reads the bytes of [`encode`](Self::encode); `None` for another length.
     pub(super) fn decode(bytes: &[u8]) -> Option<Self> {
         let (numbers, []) = bytes.as_chunks::<8>() else {
             return None;
@@ -215,19 +223,19 @@ pub(super) struct Gatherer<'a> {
     settings: GatherSettings,
     sequence: Sequence,
     seed: u64,
-    /// Looks up what a ray meets.
+    /// Looks up the light that a ray meets.
     shader: Shader<'a>,
-    /// Whether the light of the emitters themselves is added elsewhere.
+    /// True if the light of the emitters themselves is added elsewhere.
     without_exitance: bool,
     origins: DirectPass<'a>,
 }
 
-/// Returns the rays for one point of each net and part.
+/// Returns the number of rays for one point of each net and part.
 fn rays_of_a_point(n_parts: u32) -> u32 {
     u32::try_from(N_NETS).unwrap_or(u32::MAX).saturating_mul(n_parts)
 }
 
-/// Returns with how many pilot rays the pixels of a block begin, where so many of them gather.
+/// Returns the number of pilot rays with which the pixels of a block begin, if `n_pixels` of them gather.
 pub(super) fn first_rays(n_pixels: usize) -> u32 {
     let n_pixels = u32::try_from(n_pixels).unwrap_or(u32::MAX).max(1);
     FIRST_RAYS_OF_A_BLOCK
@@ -241,7 +249,7 @@ pub(super) fn first_rays(n_pixels: usize) -> u32 {
 pub(super) struct GatherScratch {
     rays: RayBatch,
     hits: HitBatch,
-    /// The radiance of the rays, where that is wanted.
+    /// The radiance of the rays, if it is collected.
     pub(super) pool: Option<LightPool>,
 }
 
@@ -255,7 +263,7 @@ impl GatherScratch {
 }
 
 impl<'a> Gatherer<'a> {
-    /// `shader` has the whole solution; `origins` is the direct pass.
+    /// Prepares gathering; `shader` has the whole solution, and the direct pass provides the origins of rays.
     pub(super) fn new(
         input: &'a RenderInput<'a>,
         settings: GatherSettings,
@@ -274,7 +282,7 @@ impl<'a> Gatherer<'a> {
         }
     }
 
-    /// Gathers for one more round for a pixel with these parts: twice as many pilot rays, or the rays of the mean.
+    /// Traces one more round for a pixel with these parts: twice as many pilot rays, or the rays of the mean.
     pub(super) fn continue_with(
         &self,
         parts: &[PixelPart],
@@ -282,7 +290,7 @@ impl<'a> Gatherer<'a> {
         gathered: &mut Gathered,
         scratch: &mut GatherScratch,
     ) {
-        // Background, and backs of faces, gather nothing.
+        // Background and backs of faces gather no light.
         let Some(n_parts) = u32::try_from(parts.len()).ok().filter(|&n| n > 0) else {
             gathered.stage = Stage::Finished;
             return;
@@ -290,7 +298,7 @@ impl<'a> Gatherer<'a> {
         let n_points = match gathered.stage {
             Stage::Finished => return,
             Stage::Pilot if gathered.n_points == 0 => {
-                // At least one round, whatever it costs.
+                // At least one round is traced, whatever the limit.
                 let rays = first_rays.min(self.settings.max_rays.get() / RAYS_PER_PILOT);
                 rays.div_ceil(rays_of_a_point(n_parts)).max(1)
             }
@@ -312,10 +320,10 @@ impl<'a> Gatherer<'a> {
         gathered.n_points = n_points;
     }
 
-    /// Decides whether the pilot rays of a pixel tell how many rays it takes, where there is this rare light about; `direct` is what its irradiance is without gathering.
+    /// Decides whether the pilot rays of a pixel determine its number of rays, given the rare light around; `direct` is its irradiance without gathering.
     ///
-    /// Where all rays of a pixel met the same there is no spread to see, and that is believed from 3 / noise rays on. A pixel without any light has no brightness to compare noise with: it may have as much
-    /// from rare light as one of the mean brightness of its pool, and then counts as dark for sure.
+    /// Where all rays of a pixel found the same value there is no spread, which counts as certain from 3 / noise rays on. A pixel without any light has no brightness as a reference for noise: it may
+    /// have as much variance from rare light as one of the mean brightness of its pool, and then counts as dark.
     pub(super) fn judge(&self, direct: [f64; 3], rare: &RareLight, gathered: &mut Gathered) {
         let noise = self.settings.noise;
         let largest = |values: [f64; 3]| values.into_iter().fold(0.0, f64::max);
@@ -348,14 +356,14 @@ impl<'a> Gatherer<'a> {
         }
     }
 
-    /// Adds the points of all nets of one part, from the ones that it has to `n_points`.
+    /// Adds the points of all nets of one part, from its current number to `n_points`.
     fn gather(&self, part: &PixelPart, gathered: &mut Gathered, n_points: u32, scratch: &mut GatherScratch) {
         let GatherScratch { rays, hits, pool } = scratch;
         let point = &part.point;
         let frame = Frame::from_normal(point.normal);
         let origin = self.origins.origin(point.face, point.point, point.normal);
         let n_new = n_points - gathered.n_points;
-        // The pilot rays are none of the mean's, nor are those of a mean that was not good enough.
+        // Pilot rays are not reused in the mean, nor are those of a mean that was too noisy.
         let own_seed = if gathered.is_finished() { u64::from(n_points) } else { 0 };
         let seed = self.seed ^ own_seed;
         rays.clear();
@@ -375,7 +383,7 @@ impl<'a> Gatherer<'a> {
                 }
                 let [least, most] = gathered.range.get_or_insert([[f64::INFINITY; 3], [0.0; 3]]);
                 for c in 0..3 {
-                    // Of one part; the pixel's irradiance is the sum over its parts.
+                    // The light of one part; the pixel's irradiance is the sum over its parts.
                     least[c] = least[c].min(light[c]);
                     most[c] = most[c].max(light[c]);
                     sums[c] += part.share * light[c];
@@ -385,7 +393,7 @@ impl<'a> Gatherer<'a> {
         }
     }
 
-    /// Returns the radiosity of the surface that ray k hits, or the reflected part of it; π times the radiance of the sky, if it hits none.
+    /// Returns the radiosity of the surface that ray k hits, or its reflected part; π times the radiance of the sky, if it hits none.
     fn light(&self, rays: &RayBatch, hits: &HitBatch, k: usize) -> Option<[f64; 3]> {
         let Some(hit) = hits.face(k) else {
             let direction = rays.direction.each_ref().map(|axis| f64::from(axis[k]));
@@ -421,9 +429,9 @@ pub struct GatherReport {
 }
 
 impl GatherReport {
-    /// Reads the report off the layers of an image: `samples`, `variance.*`, `irradiance.*`, `direct_error.*`.
+    /// Computes the report from the layers of an image: `samples`, `variance.*`, `irradiance.*`, `direct_error.*`.
     ///
-    /// The noise of a direct pass by rays is in `variance.*` as well, but is not what decides when a pixel is finished.
+    /// The noise of a direct pass by rays is in `variance.*` as well, but does not decide when a pixel is finished.
     #[must_use]
     pub fn new(image: &Image, settings: GatherSettings) -> Self {
         let layer = |prefix: &str| channel_names(prefix, ['R', 'G', 'B']).map(|name| image.f32(&name));
@@ -449,9 +457,9 @@ impl GatherReport {
             let whole = largest(&variance, k);
             squares += whole;
             let gathered = (whole - largest(&direct_error, k).powi(2)).max(0.0);
-            // A millionth of room for the layers' rounding.
+            // The margin of a millionth covers the rounding of the layers.
             let times = gathered.sqrt() / (settings.noise * largest(&irradiance, k) * (1.0 + 1e-6));
-            // A pixel that could have had more rays is above the noise by chance.
+            // A pixel that could have had more rays exceeds the noise by chance.
             let had_all = n > settings.max_rays.get() / 2;
             report.n_above += u64::from(times > if had_all { 1.0 } else { MISJUDGED });
         }

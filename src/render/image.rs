@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::error::RenderError;
 
-/// The most pixels that an image may have.
+/// The greatest number of pixels of an image.
 const MAX_PIXELS: u64 = 1 << 31;
 
 /// The samples of one layer, row by row from the top left.
@@ -28,7 +28,7 @@ impl Samples {
 /// One named channel of an [`Image`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// The name as an EXR file has it, such as `R` or `irradiance.R`.
+    /// The name in an EXR file, such as `R` or `irradiance.R`.
     pub name: String,
     /// One sample per pixel.
     pub samples: Samples,
@@ -80,7 +80,7 @@ impl Image {
         &self.layers
     }
 
-    /// Gives the layers away, ordered by name.
+    /// Returns the layers, ordered by name, and consumes the image.
     #[must_use]
     pub fn into_layers(self) -> Vec<Layer> {
         self.layers
@@ -147,7 +147,7 @@ impl Image {
     }
 }
 
-/// The names of a layer's colour channels: `R`, `G`, `B` without a prefix, else `prefix.R` and so on.
+/// Returns the names of a layer's channels: `R`, `G`, `B` without a prefix, else `prefix.R` and so on.
 pub(super) fn channel_names(prefix: &str, suffixes: [char; 3]) -> [String; 3] {
     suffixes.map(|suffix| {
         if prefix.is_empty() {
@@ -158,7 +158,7 @@ pub(super) fn channel_names(prefix: &str, suffixes: [char; 3]) -> [String; 3] {
     })
 }
 
-/// Returns the size of an image if it has pixels, but not too many.
+/// Returns the size of an image, if it has pixels and no more than the limit.
 pub(super) fn check_size(width: u64, height: u64) -> Result<(u32, u32), RenderError> {
     let too_large = || RenderError::TooLarge {
         width,

@@ -6,7 +6,7 @@ use crate::mesh::Mesh;
 use crate::scene::Scene;
 use crate::visibility::Visibility;
 
-/// A scene with a solution. Blocks have one row per patch and one (grey) or three channels.
+/// A scene with a solution; blocks have one row per patch and one (grey) or three channels.
 #[derive(Clone, Copy)]
 pub struct RenderInput<'a> {
     /// The scene.
@@ -19,10 +19,10 @@ pub struct RenderInput<'a> {
     pub radiosity: &'a Block,
     /// H = F B in W·m⁻².
     pub irradiance: &'a Block,
-    /// F (B − E): the irradiance but for what comes straight from the emitters. Wanted where there is a direct pass.
+    /// F (B − E), the irradiance without direct light from the emitters; needed for a direct pass.
     pub indirect_irradiance: Option<&'a Block>,
     /// The estimated error of B, in W·m⁻².
     pub error: Option<&'a Block>,
-    /// Sun and sky. The irradiances of the patches hold theirs, but for the indirect one, which holds that of the sky alone.
+    /// Sun and sky; the irradiances of the patches include both, the indirect one only that of the sky.
     pub outdoors: Outdoors,
 }

@@ -44,5 +44,5 @@ pub use unfolded::{Tile, Unfolded};
 pub use unfolded_view::UnfoldedView;
 pub use view::{CameraRecord, RayView, Sight, View, ViewDescription};
 
-/// The greatest exitance, in W·m⁻², of a scene for a picture: a thirtieth of what f32 holds, as reflected light comes on top.
+/// The greatest exitance, in W·m⁻², of a scene for an image: a thirtieth of the range of f32, as reflected light is added.
 pub const MAX_PICTURE_EXITANCE: f64 = 1e37;

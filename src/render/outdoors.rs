@@ -18,18 +18,18 @@ pub struct Outdoors {
     pub sky: Option<DistantSky>,
 }
 
-/// A sun: parallel light, or that of a uniform disc.
+/// A sun: parallel light, or light of a uniform disc.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DistantSun {
     /// The unit vector towards it.
     pub direction: DVec3,
-    /// The sine of its angular radius; 0 of parallel light.
+    /// The sine of its angular radius; 0 for parallel light.
     pub sine: f64,
     /// The irradiance of a plane that faces it, W·m⁻².
     pub irradiance: [f64; 3],
 }
 
-/// A sky of one radiance over the hemisphere about a direction.
+/// A sky of uniform radiance over the hemisphere about a direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DistantSky {
     /// The unit vector upwards.
@@ -38,10 +38,10 @@ pub struct DistantSky {
     pub radiosity: [f64; 3],
 }
 
-/// Directions in the disc of the sun from each sample of a pixel.
+/// The number of directions in the disc of the sun from each sample of a pixel.
 const DIRECTIONS: u32 = 16;
 
-/// The streams of numbers of the disc are others than those of the emitters.
+/// The seed that separates the disc's numbers from those of the emitters.
 const SEED: u64 = 0x0005_0000_0000_0001;
 
 impl DistantSky {
@@ -54,7 +54,7 @@ impl DistantSky {
         }
     }
 
-    /// Returns π times the radiance behind a sight that meets nothing.
+    /// Returns π times the radiance of the background of a sight.
     pub(super) fn behind(&self, sight: &Sight) -> [f64; 3] {
         match sight {
             Sight::Ray { direction, .. } => self.towards(*direction),
@@ -75,9 +75,9 @@ impl DistantSun {
         frame.to_world(local)
     }
 
-    /// Estimates its irradiance of a point, whose rays begin at `origin`: H = S Σ_k max(n · s_k, 0) V_k / N over one direction, or 16 in the disc.
+    /// Estimates the sun's irradiance at a point whose rays begin at `origin`.
     ///
-    /// The variance is that of a mean of independent directions, which a net of them stays below.
+    /// H = S Σ_k max(n · s_k, 0) V_k / N over one direction, or 16 in the disc. The variance is that of a mean of independent directions, an upper bound for that of a net.
     pub(super) fn estimate(
         &self,
         visibility: &dyn Visibility,

@@ -1,4 +1,4 @@
-//! Pixels, and how they become layers.
+//! Pixels, and their conversion to layers.
 
 use std::f64::consts::PI;
 
@@ -9,15 +9,15 @@ use super::gather::Gathered;
 use super::image::{Image, Samples, channel_names};
 use super::shade::{Shade, SurfacePoint};
 
-/// Everything about one pixel.
+/// All values of one pixel.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Pixel {
     pub(super) shade: Shade,
     pub(super) direct: DirectEstimate,
-    /// The variance of the irradiance, and the rays that it was gathered by.
+    /// The variance of the irradiance, and the number of gathered rays.
     pub(super) variance: [f64; 3],
     pub(super) n_rays: u32,
-    /// Its samples.
+    /// The number of its samples.
     pub(super) n_samples: u32,
     /// The estimated error of the solution.
     pub(super) error: [f64; 3],
@@ -31,7 +31,7 @@ impl Pixel {
         self.shade.radiosity.map(|b| single(b / PI))
     }
 
-    /// Adds what was gathered to the light.
+    /// Adds the gathered light.
     pub(super) fn add_gathered(&mut self, gathered: &Gathered) {
         let [irradiance, reflected, variance] = gathered.estimate();
         for c in 0..3 {
@@ -48,7 +48,7 @@ type Value = fn(&Pixel) -> [f64; 3];
 const RGB: [char; 3] = ['R', 'G', 'B'];
 const XYZ: [char; 3] = ['X', 'Y', 'Z'];
 
-/// The layers that every image has; the empty prefix is the picture itself.
+/// The layers of every image; the empty prefix is the image itself.
 const TRIPLES: [(&str, [char; 3], Value); 6] = [
     ("", RGB, |pixel| pixel.shade.radiosity.map(|b| b / PI)),
     ("irradiance", RGB, |pixel| pixel.shade.irradiance),
@@ -74,7 +74,7 @@ const VARIANCE: (&str, [char; 3], Value) = ("variance", RGB, |pixel| pixel.varia
 /// The layer of the solution's error.
 const ERROR: (&str, [char; 3], Value) = ("error", RGB, |pixel| pixel.error);
 
-/// The layers of an image beside those of every image.
+/// The optional layers of an image.
 #[expect(
     clippy::struct_excessive_bools,
     reason = "any of these groups of layers goes with any other"
@@ -84,11 +84,11 @@ pub(super) struct Kinds {
     pub(super) direct: bool,
     pub(super) gathered: bool,
     pub(super) error: bool,
-    /// Whether pixels have different numbers of samples.
+    /// True if pixels have different numbers of samples.
     pub(super) adaptive: bool,
 }
 
-/// Three layers while they are filled.
+/// Three layers under construction.
 struct Triple {
     prefix: &'static str,
     suffixes: [char; 3],
@@ -96,7 +96,7 @@ struct Triple {
     channels: [Vec<f32>; 3],
 }
 
-/// An image while its pixels arrive.
+/// An image under construction.
 pub(super) struct Canvas {
     width: usize,
     height: usize,

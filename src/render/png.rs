@@ -8,9 +8,9 @@ use super::image::Image;
 use super::tone_map::tone_map;
 use crate::whole_file;
 
-/// Writes a tone-mapped PNG of the image's `R,G,B` or `Y` layers, whole or not at all.
+/// Writes a tone-mapped PNG of the image's `R,G,B` or `Y` layers; the file is replaced atomically.
 ///
-/// The curve is that of [`tone_map`]; the file says that its values are sRGB.
+/// The curve is that of [`tone_map`]; the file states that its values are sRGB.
 ///
 /// # Errors
 /// [`RenderError::Io`], [`RenderError::Encode`].

@@ -1,32 +1,32 @@
-//! Light that is too rare for a pixel's own rays to tell of.
+//! A lower bound of a pixel's variance by light that is too rare for its own rays to show.
 //!
-//! Where much of a pixel's light comes from little of what it sees, as from the bright spot on the ceiling above an up-light, few rays may all miss it: their nets agree, on too little light.
-//! The pixels of a block see about the same, and what one of them misses others meet. So the rays of a block's first round are pooled. Of what n rays meet once at most, the pool's rarest
-//! 1/n, a pixel's own rays tell nothing; they are taken to meet it as independent rays would. With b what a ray brings, b̄ its mean over the pool, and Q the 1/n of the pool whose b lies farthest from b̄,
+//! Where much of a pixel's light comes from a small part of its view, as from the bright spot on the ceiling above an up-light, few rays may all miss it: their nets agree, on too little light.
+//! The pixels of a block have similar views, so the rays of a block's first round are pooled. A pixel's own n rays do not show light that n rays meet at most once, the pool's rarest 1/n;
+//! they are assumed to meet it as independent rays would. With b the light of a ray, b̄ its mean over the pool, and Q the 1/n of the pool whose b lies farthest from b̄,
 //! a pixel's irradiance has at least the variance
 //!
 //! ```text
 //! V(n) = (1/n) · E[(b − b̄)² ; b ∈ Q]
 //! ```
 //!
-//! More frequent light is met by several of a pixel's sixteen nets, and shows in their spread. Where the brightest is met, V falls as 1/n²: it costs rays only where light is rare.
+//! Several of a pixel's sixteen nets meet more frequent light, which shows in their spread. Where the brightest part is met, V falls as 1/n²: it costs rays only where light is rare.
 //!
-//! Not seen: light that none of N pooled rays met, with 95 % confidence less than 3/N of all that is to be met (the rule of three): 5·10⁻⁵ for a whole block of 64 rays a pixel, 7·10⁻⁴ for the 4096 rays that
-//! the smallest blocks begin with. Where few pixels of a block see the rare light, the variance of these is stated too small, by their share of the block's pixels at most; where few do not see it, as on
-//! another wall, their variance is stated too large, and they take more rays than they need.
+//! Limits: light that none of N pooled rays met is not included, with 95 % confidence less than 3/N of all light (the rule of three): 5·10⁻⁵ for a whole block of 64 rays a pixel, 7·10⁻⁴ for the 4096
+//! first rays of the smallest blocks. Where few pixels of a block see the rare light, their variance is stated too small, at most by their fraction of the block's pixels. Where few do not see it, as
+//! on another wall, their variance is stated too large, and they take more rays than necessary.
 
-/// Where n rays all met the same, what they have not met yet is with 95 % confidence less than 3/n of all there is (the "rule of three").
+/// The rule of three: if n rays all met the same value, all other values together have, with 95 % confidence, a share of less than 3/n.
 ///
 /// Source: Hanley and Lippman-Hand 1983, "If nothing goes wrong, is everything all right?", JAMA 249(13).
 pub(super) const RULE_OF_THREE: f64 = 3.0;
 
-/// The bits of an f32 that are left out of its bin's number: 16 bins for each power of two, each less than 7 % wide.
+/// The number of low bits of an f32 that its bin ignores: 16 bins for each power of two, each less than 7 % wide.
 const BIN_SHIFT: u32 = 19;
 
-/// Bins for all f32 that are not negative.
+/// The number of bins, for all f32 that are not negative.
 const N_BINS: usize = 1 << (31 - BIN_SHIFT);
 
-/// Numbers of rays are looked up by their powers of two; a pixel has 2^24 at most, and those of its last part.
+/// The number of powers of two at which variances are stored; a pixel has at most 2^24 rays, and those of its last part.
 const N_POWERS: usize = 32;
 
 /// The sum of rays of about equal brightness.
@@ -36,9 +36,9 @@ struct Bin {
     sum: f64,
 }
 
-/// How bright the rays of several pixels are: a histogram over the logarithm of the brightness for each channel.
+/// The brightness of the rays of several pixels: a histogram over its logarithm for each channel.
 pub(super) struct LightPool {
-    /// Bin by bin, all channels.
+    /// The bins, each with all channels.
     bins: Vec<[Bin; 3]>,
     n_rays: f64,
 }
@@ -53,7 +53,7 @@ impl Default for LightPool {
 }
 
 impl LightPool {
-    /// Adds what a ray brought.
+    /// Adds the light of a ray.
     pub(super) fn add(&mut self, light: [f64; 3]) {
         self.n_rays += 1.0;
         for (c, brought) in light.into_iter().enumerate() {
@@ -63,7 +63,7 @@ impl LightPool {
         }
     }
 
-    /// Returns what of this light a pixel's rays may not tell of.
+    /// Returns the light that a pixel's rays may miss.
     pub(super) fn rare_light(&self) -> RareLight {
         let mut variances = [[0.0; 3]; N_POWERS];
         for c in 0..3 {
@@ -111,17 +111,17 @@ fn bin_of(brought: f64) -> usize {
     ((brought.max(0.0) as f32).to_bits() >> BIN_SHIFT) as usize
 }
 
-/// The variance that light makes which is too rare for a pixel's own rays to tell of, for each number of rays.
+/// The variance by light that is too rare for a pixel's own rays to show, for each number of rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RareLight {
-    /// b̄.
+    /// The mean b̄.
     pub(super) mean: [f64; 3],
-    /// For 1, 2, 4, 8 ... rays.
+    /// The variances for 1, 2, 4, 8, ... rays.
     variances: [[f64; 3]; N_POWERS],
 }
 
 impl RareLight {
-    /// Bytes that it takes in a checkpoint.
+    /// The number of its bytes in a checkpoint.
     pub(super) const N_BYTE: usize = 8 * 3 * (1 + N_POWERS);
 
     /// Returns the variance for a number of rays.
@@ -129,14 +129,14 @@ impl RareLight {
         self.variances[n_rays.max(1).ilog2() as usize]
     }
 
-    /// Writes all of it as numbers of 8 bytes, little-endian.
+    /// Appends the state as 8-byte numbers, little-endian.
     pub(super) fn encode(&self, bytes: &mut Vec<u8>) {
         for number in self.mean.iter().chain(self.variances.as_flattened()) {
             bytes.extend(number.to_bits().to_le_bytes());
         }
     }
 
-    /// Returns what [`encode`](Self::encode) wrote; `None` for another length.
+    /// Reads the bytes of [`encode`](Self::encode); `None` for another length.
     pub(super) fn decode(bytes: &[u8]) -> Option<Self> {
         let (numbers, []) = bytes.as_chunks::<8>() else {
             return None;
@@ -154,7 +154,7 @@ impl RareLight {
 mod tests {
     use super::*;
 
-    /// A pool in which one ray of 1024 brings 103.4, and the others 1: the mean is 1.1.
+    /// Returns the rare light of a pool in which one ray of 1024 brings 103.4, and the others 1: the mean is 1.1.
     fn with_one_bright_of_1024() -> RareLight {
         let mut pool = LightPool::default();
         for k in 0..65536 {
@@ -167,15 +167,15 @@ mod tests {
     fn what_few_rays_miss_is_of_the_pool() {
         let rare = with_one_bright_of_1024();
         let bright = 102.3_f64.powi(2);
-        // 16 rays: a sixteenth of the pool has all that is bright, and others, which lie 0.1 below the mean.
+        // For 16 rays, a sixteenth of the pool includes all bright rays, and others, which lie 0.1 below the mean.
         let expected = (bright / 1024.0 + 0.01 * (1.0 / 16.0 - 1.0 / 1024.0)) / 16.0;
         assert!((rare.variance(16)[0] / expected - 1.0).abs() < 1e-9);
-        // From 1024 rays on, a part of what is bright; between powers of two, as for the lower of them.
+        // From 1024 rays on, a part of the bright rays; between powers of two, the lower one counts.
         for (n_rays, power) in [(1024, 1024.0), (1500, 1024.0), (8192, 8192.0_f64)] {
             let of_bright = bright / (power * power);
             assert!((rare.variance(n_rays)[0] / of_bright - 1.0).abs() < 1e-9, "{n_rays}");
         }
-        // Where all brings the same there is nothing rare.
+        // Equal light has no rare part.
         assert!(rare.variance(16)[1] < 1e-20 && rare.variance(16)[2] < 1e-20);
     }
 

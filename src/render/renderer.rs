@@ -1,4 +1,4 @@
-//! From views to pixels, block by block.
+//! Renders views to pixels, block by block.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -25,21 +25,21 @@ use crate::ranks::Code;
 use crate::scene::SurfaceId;
 use crate::visibility::{Coherence, HitBatch, RayBatch};
 
-/// Side of the square blocks of pixels that are the unit of parallel work.
+/// The side of the square blocks of pixels that are the unit of parallel work.
 const BLOCK_SIDE: u32 = 32;
 
-/// How many blocks are rendered before their pixels are stored.
+/// The number of blocks that are rendered before their pixels are stored.
 const BLOCKS_AT_A_TIME: usize = 256;
 
-/// The corners of a block: left, top, right, bottom.
+/// The edges of a block: left, top, right, bottom.
 type Block = [u32; 4];
 
-/// The pixels of a block, row by row.
+/// Iterates over the pixels of a block, row by row.
 fn positions([x0, y0, x1, y1]: Block) -> impl Iterator<Item = (u32, u32)> {
     (y0..y1).flat_map(move |y| (x0..x1).map(move |x| (x, y)))
 }
 
-/// Stops where somebody asked for that.
+/// Returns an error if the caller asked to stop.
 fn go_on(progress: &dyn Progress) -> Result<(), RenderError> {
     if progress.is_cancelled() {
         Err(RenderError::Interrupted)
@@ -56,28 +56,28 @@ fn locked(state: &Mutex<BlockState>) -> MutexGuard<'_, BlockState> {
 struct Seen {
     /// The hits at the pixels' centres.
     centres: Vec<Option<SurfacePoint>>,
-    /// How many samples the pixels have.
+    /// The number of samples of each pixel.
     n_samples: Vec<u32>,
     /// The front-facing parts of all pixels, pixel by pixel.
     parts: Vec<PixelPart>,
-    /// π times the radiance of the sky that the pixels show.
+    /// The visible sky of each pixel: π times its radiance, by its share of the pixel.
     sky: Vec<[f64; 3]>,
 }
 
-/// The sum of all samples that show the front of one surface.
+/// The sums over all samples that show the front of one surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct SurfaceSum {
     pub(super) n_samples: u64,
-    /// Σ of the samples' shares of their pixels.
+    /// The sum of the samples' shares of their pixels.
     pub(super) share: f64,
-    /// Σ of the first channel of the irradiance, times the share.
+    /// The sum of the first channel of the irradiance times the share.
     pub(super) irradiance: f64,
 }
 
-/// The sums of the surfaces that are seen.
+/// The sums of the visible surfaces.
 pub(super) type SurfaceSums = BTreeMap<SurfaceId, SurfaceSum>;
 
-/// Everything that rendering needs.
+/// The input of rendering.
 pub(super) struct Renderer<'a> {
     pub(super) input: &'a RenderInput<'a>,
     pub(super) view: &'a dyn View,
@@ -91,10 +91,10 @@ pub(super) struct Renderer<'a> {
 }
 
 impl Renderer<'_> {
-    /// Renders the whole image; without final gather also sums over what it shows of each surface.
+    /// Renders the whole image; without final gather also sums over the visible part of each surface.
     ///
     /// # Errors
-    /// [`RenderError::Interrupted`] if `progress` says so.
+    /// [`RenderError::Interrupted`] if `progress` is cancelled.
     pub(super) fn image(&self, progress: &dyn Progress) -> Result<(Image, SurfaceSums), RenderError> {
         let (width, height) = self.size;
         let blocks: Vec<Block> = (0..height.div_ceil(BLOCK_SIDE))
@@ -114,7 +114,7 @@ impl Renderer<'_> {
         }
         let mut sums = SurfaceSums::new();
         progress.begin("render", blocks.len() as u64);
-        // Blocks at a time, so that pixels in f64 never fill the memory.
+        // A limited number of blocks at a time keeps pixels in f64 from filling the memory.
         let render = |k: usize| {
             let rendered = (!progress.is_cancelled()).then(|| self.block(blocks[k]))?;
             self.show(blocks[k], rendered.0.iter().map(Pixel::radiance));
@@ -138,7 +138,9 @@ impl Renderer<'_> {
         Ok((canvas.into_image(), sums))
     }
 
-    /// Renders with final gather: rounds of pilot rays over the whole image, each twice as long as all before it together, and for each pixel one of the rays of the mean.
+    /// Renders with final gather: rounds of pilot rays over the whole image, and one round of the rays of the mean for each pixel.
+    ///
+    /// Each round of pilot rays is as long as all before it together.
     fn gather_all(
         &self,
         gatherer: &Gatherer<'_>,
@@ -188,7 +190,7 @@ impl Renderer<'_> {
                 .filter_map(|(k, state)| state.is_open().then_some((k, state.n_rounds)))
                 .collect();
             let n_open = open.len();
-            // After the deadline pixels keep the noise of their rounds, which is stated.
+            // After the deadline pixels keep the stated noise of their rounds.
             if n_open == 0 || n_rounds > 0 && progress.is_late() {
                 break;
             }
@@ -197,7 +199,7 @@ impl Renderer<'_> {
             let round = |number: usize| {
                 let (k, _) = open[number];
                 let mut state = locked(&states[k]);
-                // A round that is stopped half-way has not been.
+                // An interrupted round is discarded.
                 let (next, rare) = self.gather_round(gatherer, blocks[k], &state, progress)?;
                 if let Some(kept) = &kept {
                     kept.keep(k, &state, &next, &rare);
@@ -239,7 +241,7 @@ impl Renderer<'_> {
         self.watcher.pixels(x0, y0, x1 - x0, y1 - y0, &radiance);
     }
 
-    /// Gathers for one more round; `None` if somebody asked to stop.
+    /// Traces one more round; returns `None` if the caller asked to stop.
     fn gather_round(
         &self,
         gatherer: &Gatherer<'_>,
@@ -248,7 +250,7 @@ impl Renderer<'_> {
         progress: &dyn Progress,
     ) -> Option<(Vec<Gathered>, RareLight)> {
         let parts = self.look(block).parts;
-        // Later rounds are only of pixels that need them: their rays say nothing of the others.
+        // Later rounds have only the pixels that need them, whose rays do not represent the others.
         let pool = state.rare.is_none().then(LightPool::default);
         let mut scratch = GatherScratch::with_pool(pool);
         let n_first = first_rays(parts.chunk_by(|a, b| a.pixel == b.pixel).count());
@@ -276,7 +278,7 @@ impl Renderer<'_> {
         Some((next, rare))
     }
 
-    /// Finds what the samples of a block's pixels see.
+    /// Finds the surface points in a block's samples.
     fn look(&self, block: Block) -> Seen {
         let (first, n_samples) = self.first_look(block);
         let n_first = self.samples.n_first();
@@ -332,7 +334,7 @@ impl Renderer<'_> {
         sight.map_or([0.0; 3], |sight| sky.behind(&sight))
     }
 
-    /// Returns what the first samples of a block's pixels see, and how many samples each pixel needs.
+    /// Returns the surface points in the first samples of a block's pixels, and the number of samples that each pixel needs.
     fn first_look(&self, block: Block) -> (Vec<Option<SurfacePoint>>, Vec<u32>) {
         let n_first = self.samples.n_first();
         let places = |at: Block| positions(at).flat_map(|pixel| self.places(pixel, 0, n_first));
@@ -370,14 +372,14 @@ impl Renderer<'_> {
         u64::from(y) * u64::from(self.size.0) + u64::from(x)
     }
 
-    /// Returns the places of samples of a pixel in the image.
+    /// Returns the image coordinates of samples of a pixel.
     fn places(&self, pixel: (u32, u32), from: u32, to: u32) -> impl Iterator<Item = (f64, f64)> {
         let (x, y) = (f64::from(pixel.0), f64::from(pixel.1));
         let inside = self.samples.places(self.number(pixel), from, to);
         inside.map(move |(dx, dy)| (x + dx, y + dy))
     }
 
-    /// Finds what is seen at places of the image.
+    /// Finds the surface points at image coordinates.
     fn trace(&self, places: impl Iterator<Item = (f64, f64)>) -> Vec<Option<SurfacePoint>> {
         let mut rays = RayBatch::default();
         let mut sights = Vec::new();

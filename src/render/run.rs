@@ -18,31 +18,37 @@ use crate::progress::Progress;
 ///
 /// At each sample the irradiance H is interpolated between the patches' corners (continuous over a flat surface, sharp at
 /// a crease), and the radiosity is B = E + ρ H with the face's own material. With `flat` both are those of the patch. With a direct
-/// pass H = `direct` + the interpolated indirect irradiance, and B = E + ρ H, with `flat` too. With `gather` what the direct pass leaves of H is
-/// gathered instead: H = `direct` + ∫ B′ cos θ / π dω over what is seen, B′ = B − E of the patch that is met (without a direct pass B),
+/// pass H = `direct` + the interpolated indirect irradiance, and B = E + ρ H, with `flat` too. With `gather` the rest of H beside the direct pass is
+/// gathered instead: H = `direct` + ∫ B′ cos θ / π dω over the visible hemisphere, B′ = B − E of the patch that is met (without a direct pass B),
 /// by cosine-distributed rays, as many as each pixel needs (see below). B′ is constant over each patch, as in the equations that the solution solves: interpolation
-/// keeps no patch's mean, and makes points near contact edges and creases too bright or too dark. Backs of faces are black.
+/// does not preserve the mean of a patch, and makes points near contact edges and creases too bright or too dark. Backs of faces are black.
 ///
-/// Layers (f32 but for `patch`): `R,G,B` radiance L = B/π; `irradiance.*`, `radiosity.*`, `albedo.*` (ρ); `N.X/Y/Z` the unit normal of the
-/// face, `P.X/Y/Z` the point, in world coordinates (f32: for exact points see [`Tile::point`](super::Tile::point)); `Z` the depth along the camera's
-/// axis in m, 0 in an unfolded view; `patch` the [`PatchId`](crate::mesh::PatchId) as u32. With a direct pass also `direct.*`, the
-/// irradiance from the emitters, and `direct_error.*`, its standard error as if all samples were independent. With `gather` also `variance.*`, the variance of `irradiance.*`, and `samples`,
-/// the number of gathered rays (u32). Where the [samples are adaptive](RenderSettings::adaptive) also `pixel_samples`, the number of samples of each pixel (u32). With [`RenderInput::error`] also `error.*`, the estimated error of the patches' radiosity. Colours are means over the pixel's
-/// samples, background counting as 0; `N`, `P`, `Z` and `patch` belong to the pixel's centre. Background is 0 in all
+/// Layers (f32 but for `patch`):
+///
+/// - `R,G,B` the radiance L = B/π; `irradiance.*`, `radiosity.*`, `albedo.*` (ρ);
+/// - `N.X/Y/Z` the unit normal of the face; `P.X/Y/Z` the point, in world coordinates (f32: for exact points see [`Tile::point`](super::Tile::point));
+/// - `Z` the depth along the camera's axis in m, 0 in an unfolded view; `patch` the [`PatchId`](crate::mesh::PatchId) as u32;
+/// - with a direct pass `direct.*`, the irradiance from the emitters, and `direct_error.*`, its standard error as if all samples were independent;
+/// - with `gather` `variance.*`, the variance of `irradiance.*`, and `samples`, the number of gathered rays (u32);
+/// - where the [samples are adaptive](RenderSettings::adaptive) `pixel_samples`, the number of samples of each pixel (u32);
+/// - with [`RenderInput::error`] `error.*`, the estimated error of the patches' radiosity.
+///
+/// Colours are means over the pixel's samples, background counting as 0; `N`, `P`, `Z` and `patch` belong to the pixel's centre. Background is 0 in all
 /// layers, and `u32::MAX` in `patch`; where a sky shines, `R,G,B` and `radiosity.*` show it.
 /// The sun of [`Outdoors`](super::Outdoors) is a part of the direct pass, by one ray from each sample, or 16 into its disc; the light of the sky is interpolated between patches, or gathered.
 ///
 /// # Final gather
 ///
-/// Pilot rays decide how many rays a pixel takes, and its mean is taken over others: a mean over the rays that decide is low, as it ends early where few of them met what is bright.
-/// The points of a pixel's rays are sixteen independently scrambled nets. Pilot rays are doubled, round by round over the image, until the spread of their nets' means says that four times as many will have a
-/// standard error within `gather.noise` of the pixel's irradiance, or `gather.max_rays` would be exceeded. A pixel whose error then is more than twice as large takes four times as many new rays again.
-/// The stated variance is that of the nets' means, increased so that three standard errors of Student's t with 15 degrees of freedom are exceeded as rarely as those of a normal distribution.
-/// Each pixel takes sixteen rays for each of its samples that sees a surface at least, whatever `gather.max_rays` says, and a quarter as many pilot rays or more.
-/// Unbiased with respect to the given solution, but for less than 1e-4 by the pixels that take new rays; the error falls faster than n^(−1/2).
-/// Where light comes from something small and bright, all first rays of a pixel may miss it, and agree on too little light. So the rays that the pixels of a block of 32 × 32 begin with, 64 a pixel
-/// and 4096 in all at least, are pooled: no pixel of the block has a smaller variance than what n rays would have that meet the rarest 1/n of the pooled light by chance. What none of the pooled rays
-/// met is not seen: light from less than some 5·10⁻⁵ of all directions, weighed by their cosines, in a whole block, and 7·10⁻⁴ in the smallest.
+/// Pilot rays determine the number of rays of a pixel, and its mean is taken over others: a mean over the deciding rays would be too low, as it ends early where few of them met a bright part. The
+/// points of a pixel's rays are sixteen independently scrambled nets. Pilot rays are doubled, round by round over the image, until the spread of their nets' means predicts that four times as many
+/// will have a standard error within `gather.noise` of the pixel's irradiance, or `gather.max_rays` would be exceeded. A pixel whose error then is more than twice as large takes four times as many
+/// new rays again. The stated variance is that of the nets' means, increased so that three standard errors of Student's t with 15 degrees of freedom are exceeded as rarely as those of a normal
+/// distribution. Each pixel takes at least sixteen rays for each of its samples that sees a surface, whatever `gather.max_rays` is, and at least a quarter as many pilot rays. Unbiased with respect to
+/// the given solution, except for less than 1e-4 by the pixels that take new rays; the error falls faster than n^(−1/2).
+///
+/// Where light comes from a small bright part, all first rays of a pixel may miss it, and agree on too little light. So the first rays of the pixels of a block of 32 × 32, at least 64 a pixel
+/// and 4096 in all, are pooled: no pixel of the block has a smaller variance than n rays that meet the rarest 1/n of the pooled light by chance. Light that none of the pooled rays
+/// met is missed: from less than some 5·10⁻⁵ of all directions, weighted by their cosines, in a whole block, and 7·10⁻⁴ in the smallest.
 /// The remaining error is that of the solution, averaged over the hemisphere.
 ///
 /// Error of the irradiance, `cornell-box`, 96 × 96 pixels of one sample, 1158 patches (`--max-edge 0.06`); the reference is final gather with a noise of 0.002; errors relative to the
@@ -60,7 +66,8 @@ use crate::progress::Progress;
 ///
 /// `radiosity reproduce pictures` makes this table again, with times, a plot and the pictures.
 ///
-/// Against independent rays over the same solution, in points that are uniform over all surfaces (`tests/library/render/gathered_points.rs`); "beyond" are values that are off by more than three stated errors:
+/// Against independent rays over the same solution, in points that are uniform over all surfaces (`tests/library/render/gathered_points.rs`); "beyond" is the share of values that are off by more than
+/// three stated errors:
 ///
 /// | scene | places | rays a place | mean deviation, of the mean irradiance | beyond |
 /// |---|---|---|---|---|
@@ -69,12 +76,12 @@ use crate::progress::Progress;
 /// | `room-box`, patches of 1.5 m | 600 | 535 | 2e-4 | 0.3 % |
 /// | `living-room`, patches of 1 m | 600 | 4184 | 1e-3 | 0.2 % |
 ///
-/// Places of independent errors of 2 % leave 8e-4 of chance in the mean of 600.
+/// Independent errors of 2 % leave a statistical error of 8e-4 in the mean of 600 places.
 ///
 /// Source: the local pass of [`LISCHINSKI_1993`](crate::references::LISCHINSKI_1993). Departures: rays in randomised nets, with an error estimate.
 ///
-/// Equal arguments give equal images at any number of threads. Where `progress` has a [checkpoint](Progress::checkpoint), final gather keeps every round of every block in
-/// it (488 bytes for each pixel that is not finished, and 792 for its block) and goes on from there, to the same image, if [`RenderInput::fingerprint`] is the same.
+/// Equal arguments give equal images at any number of threads. Where `progress` has a [checkpoint](Progress::checkpoint), final gather stores every round of every block in
+/// it (488 bytes for each pixel that is not finished, and 792 for its block) and continues from there, to the same image, if [`RenderInput::fingerprint`] is the same.
 ///
 /// # Errors
 /// [`RenderError::MissingIndirect`] (a direct pass without gathering), [`RenderError::Empty`], [`RenderError::TooLarge`].
@@ -91,7 +98,7 @@ pub fn render(
     render_watched(input, view, settings, progress, &Unwatched)
 }
 
-/// Renders an image as [`render`] does, and shows its pixels to a watcher as they are found.
+/// Renders an image as [`render`] does, and passes its pixels to a watcher as they are found.
 ///
 /// # Errors
 /// As [`render`].
@@ -109,7 +116,7 @@ pub fn render_watched(
     rendered(input, view, settings, progress, watcher).map(|(image, _)| image)
 }
 
-/// Renders an image, and sums over what it shows of each surface.
+/// Renders an image, and sums over the visible part of each surface.
 #[track_caller]
 pub(super) fn rendered(
     input: &RenderInput<'_>,
@@ -130,7 +137,7 @@ pub(super) fn rendered(
     let (width, height) = view.size();
     check_size(u64::from(width), u64::from(height))?;
     let with_direct = settings.direct != DirectMethod::Off;
-    // Without a direct pass the patches have the sun's light, unless rays look for all light that does not come straight.
+    // Without a direct pass the patches include the sun's light, unless rays gather all indirect light.
     let sun = input.outdoors.sun.filter(|_| with_direct || settings.gather.is_some());
     let direct_pass = || {
         let numbers = (settings.sequence, settings.seed);
@@ -138,7 +145,7 @@ pub(super) fn rendered(
     };
     let nothing = Block::zeros(input.mesh.n_patches(), 1);
     let (irradiance, flat) = match (settings.gather, with_direct) {
-        // Gathering finds what the direct pass leaves.
+        // Gathering finds the rest of the light beside the direct pass.
         (Some(_), _) => (&nothing, true),
         (None, true) => (
             input.indirect_irradiance.ok_or(RenderError::MissingIndirect)?,
@@ -155,7 +162,7 @@ pub(super) fn rendered(
         shader: Shader::new(input, irradiance, flat, of_patches),
         direct: (with_direct || sun.is_some()).then(direct_pass),
         gatherer: settings.gather.map(|gather| {
-            // Interpolation keeps no patch's mean: along creases and contact edges the light would be too bright or too dark.
+            // Interpolation does not preserve the mean of a patch: along creases and contact edges the light would be too bright or too dark.
             let shader = Shader::new(input, input.irradiance, true, Some(input.radiosity));
             let numbers = (settings.sequence, settings.seed);
             Gatherer::new(input, gather, numbers, shader, (direct_pass(), with_direct))

@@ -1,12 +1,12 @@
-//! Where the samples of a pixel lie, and how many a pixel has.
+//! The positions and the number of a pixel's samples.
 //!
-//! A regular grid counts an edge along its rows wrongly in the same way in every pixel: a lamp of 386.2 pixels shows as 370.3 where its long edges are horizontal. So the samples of each pixel are a
-//! scrambled net of its own, whose errors are small and independent. A pixel begins with s² of them. Where they, or those of its neighbours
-//! within half a pixel, see an edge it has 4 s², of which the first s² are the same. Where an emitter ends in it or in one of its eight neighbours it has 16 s²: an error there counts as much more
-//! as an emitter is brighter than its surroundings.
+//! A regular grid makes the same error in every pixel along an edge that is parallel to its rows: a lamp of 386.2 pixels shows as 370.3 where its long edges are horizontal. So the samples of each
+//! pixel are a scrambled net of its own, whose errors are small and independent. A pixel begins with s² of them. Where these, or those of its neighbours within half a pixel, show an edge, it has 4
+//! s², of which the first s² are the same. Where an emitter ends in it or in one of its eight neighbours it has 16 s²: an error there grows with the ratio of the emitter's brightness to its
+//! surroundings'.
 //!
-//! The mean over n points of a net is unbiased for each n. That the first points decide about n makes a bias where they miss something in some pixels and not in others, as a bar narrower than the distance
-//! between samples. As neighbours decide together, it is small: of lamps of half and a quarter of a pixel's width the area is right within 1 % and 2 %.
+//! The mean over n points of a net is unbiased for each n. The choice of n by the first points causes a bias where these miss a detail in some pixels and not in others, such as a bar narrower than
+//! the distance between samples. As neighbours decide together, the bias is small: for lamps of half and a quarter of a pixel's width the area is right within 1 % and 2 %.
 
 use super::settings::RenderSettings;
 use super::shade::SurfacePoint;
@@ -14,14 +14,14 @@ use super::view::{View, ViewDescription};
 use crate::geometry::sampling::{PointStream, Sequence};
 use crate::scene::{MaterialId, Scene};
 
-/// Seeds the samples of pixels apart from the direct pass and gathering.
+/// The seed that separates the samples of pixels from the direct pass and gathering.
 const SEED: u64 = 0x7069_7865_6c5f_7879;
 
-/// Surfaces that bend by less than this between two samples have no edge there: the cosine and the sine of 18°.
+/// The bend between two samples below which a surface has no edge there: the cosine and the sine of 18°.
 const COS_OF_BEND: f64 = 0.951;
 const SIN_OF_BEND: f64 = 0.309;
 
-/// How the pixels of an image are sampled.
+/// The sampling of an image's pixels.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PixelSamples {
     n_side: u32,
@@ -30,7 +30,7 @@ pub(super) struct PixelSamples {
 }
 
 impl PixelSamples {
-    /// Unfolded views keep the regular grid: the edges of their tiles run along those of pixels.
+    /// Returns the sampling for a view; unfolded views keep the regular grid, as the edges of their tiles run along those of pixels.
     pub(super) fn new(settings: &RenderSettings, description: &ViewDescription) -> Self {
         let n_side = settings.samples.get();
         let has_rays = matches!(description, ViewDescription::Perspective(_));
@@ -54,7 +54,7 @@ impl PixelSamples {
         self.n_side * self.n_side
     }
 
-    /// Returns the numbers of samples that a pixel may have, increasing.
+    /// Returns the possible numbers of samples of a pixel, increasing.
     pub(super) fn numbers(self) -> [u32; 3] {
         let first = self.n_first();
         if self.is_adaptive {
@@ -70,12 +70,12 @@ impl PixelSamples {
         u64::from(most) + u64::from(self.centre().is_none())
     }
 
-    /// Returns which sample is the pixel's centre, if one is.
+    /// Returns the index of the sample at the pixel's centre, if there is one.
     pub(super) fn centre(self) -> Option<usize> {
         (!self.is_adaptive && self.n_side % 2 == 1).then_some((self.n_first() / 2) as usize)
     }
 
-    /// Returns the places in \[0, 1\]² of samples `from..to` of a pixel, counted along the rows of the image; verification computes the same ones.
+    /// Returns the positions in \[0, 1\]² of samples `from..to` of a pixel, counted along the rows of the image; verification computes the same ones.
     pub(super) fn places(self, pixel: u64, from: u32, to: u32) -> impl Iterator<Item = (f64, f64)> {
         let mut net = self.is_adaptive.then(|| {
             let mut net = PointStream::new(Sequence::Sobol, self.seed, pixel);
@@ -97,10 +97,10 @@ impl PixelSamples {
 /// The hits of the first samples of a rectangle of pixels.
 pub(super) struct FirstLook<'a> {
     pub(super) scene: &'a Scene,
-    /// Where the samples are in the image, and what they see: pixel by pixel, row by row.
+    /// The positions of the samples in the image, and the surface points found: pixel by pixel, row by row.
     pub(super) places: &'a [(f64, f64)],
     pub(super) found: &'a [Option<SurfacePoint>],
-    /// Pixels in a row, and samples of a pixel.
+    /// The number of pixels in a row, and of samples of a pixel.
     pub(super) width: usize,
     pub(super) n_first: usize,
     /// The column and the row of the first pixel.
@@ -151,7 +151,7 @@ impl FirstLook<'_> {
         })
     }
 
-    /// Returns whether an edge is between what two samples see.
+    /// Returns whether an edge separates two samples.
     fn differ(&self, one: Option<&SurfacePoint>, other: Option<&SurfacePoint>) -> bool {
         let (Some(a), Some(b)) = (one, other) else {
             return one.is_some() != other.is_some();

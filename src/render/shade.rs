@@ -1,4 +1,4 @@
-//! From a ray to what a point of a surface looks like.
+//! Finds the point of a surface along a ray, and its colours.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -10,16 +10,16 @@ use crate::mesh::PatchPoint;
 use crate::scene::{FaceId, Material};
 use crate::visibility::{HitBatch, RayBatch, Visibility};
 
-/// How many of the visibility's offsets a ray for a [`Sight::Point`] starts above the surface, and ends below it.
+/// The distance at which a ray for a [`Sight::Point`] starts above the surface, and ends below it, in units of the visibility's offset.
 const SIGHT_OFFSETS: f64 = 4.0;
 
-/// A point of the scene's surface that a pixel sees.
+/// A visible point of the scene's surface.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct SurfacePoint {
     pub(super) face: FaceId,
     pub(super) back: bool,
     pub(super) point: DVec3,
-    /// The face's own normal, also where its back is seen.
+    /// The face's own normal, also at its back.
     pub(super) normal: DVec3,
     pub(super) depth: f64,
     pub(super) patch: PatchPoint,
@@ -50,7 +50,7 @@ pub(super) fn push_sight(rays: &mut RayBatch, sight: &Sight, visibility: &dyn Vi
     }
 }
 
-/// Values that are looked up by [`PatchPoint`].
+/// Values indexed by [`PatchPoint`].
 enum Field<'a> {
     /// Constant over each patch.
     Flat(&'a Block),
@@ -58,19 +58,19 @@ enum Field<'a> {
     Smooth(Block),
 }
 
-/// Looks points up in a scene with a solution.
+/// Returns the colours of points in a scene with a solution.
 pub(super) struct Shader<'a> {
     input: &'a RenderInput<'a>,
     /// Irradiance, or its indirect part where a direct pass adds the rest.
     irradiance: Field<'a>,
-    /// The patches' own radiosities, where the image shows these.
+    /// The patches' own radiosities, if the image shows these.
     radiosity: Option<&'a Block>,
-    /// Per face.
+    /// The normal of each face.
     normals: Vec<DVec3>,
 }
 
 impl<'a> Shader<'a> {
-    /// `irradiance` has one row per patch; `radiosity`, if given, is shown in place of E + ρ H.
+    /// Prepares the colours; `irradiance` has one row per patch, and `radiosity`, if given, is shown in place of E + ρ H.
     pub(super) fn new(
         input: &'a RenderInput<'a>,
         irradiance: &'a Block,
@@ -93,7 +93,7 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// Returns the point that ray `k` of a batch made by [`push_sight`] found.
+    /// Returns the point found by ray `k` of a batch made by [`push_sight`].
     pub(super) fn locate(&self, sight: &Sight, hits: &HitBatch, k: usize) -> Option<SurfacePoint> {
         let hit = hits.face(k)?;
         let face = &self.input.scene.faces[hit.face.0 as usize];
@@ -104,7 +104,7 @@ impl<'a> Shader<'a> {
                 direction,
                 depth_axis,
             } => {
-                // Embree tells which face; where on its plane is computed again in f64, except at grazing rays.
+                // Embree finds the face; its point is computed again in f64, except at grazing rays.
                 let corner = self.input.scene.vertices[face.corners.as_slice()[0] as usize];
                 let t_single = f64::from(hits.t[k]);
                 let t_plane = normal.dot(corner - origin) / normal.dot(direction);

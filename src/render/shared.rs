@@ -1,4 +1,4 @@
-//! Work on the blocks of an image, taken in order: done here, or shared by ranks.
+//! Work on the blocks of an image, in order: computed here, or shared by ranks.
 
 use rayon::prelude::*;
 
@@ -11,16 +11,18 @@ use super::renderer::SurfaceSums;
 use crate::progress::Progress;
 use crate::ranks::{Code, InTurn};
 
-/// Chunks of blocks for each rank, at least, where there are blocks enough.
+/// The least number of chunks of blocks for each rank, if there are enough blocks.
 const CHUNKS_PER_RANK: usize = 16;
 
-/// The most blocks of a chunk.
+/// The greatest number of blocks of a chunk.
 const MAX_BLOCKS: usize = 16;
 
-/// In place of the length of a result: the rank was to stop.
+/// The value in place of the length of a result when the rank was interrupted.
 const INTERRUPTED: u64 = u64::MAX;
 
-/// Calls `take(k, result)` for blocks 0, 1, ..., `n` − 1, in parallel as many as `at_once`; `work` returns no result once it is to stop, and advances the progress by a step.
+/// Computes blocks 0, 1, ..., `n` − 1, up to `at_once` in parallel, and calls `take(k, result)` in order.
+///
+/// `work` returns `None` once it is to stop, and advances the progress by a step.
 ///
 /// # Errors
 /// [`RenderError::Interrupted`].
@@ -77,7 +79,7 @@ fn encode<T>(results: &[Option<T>], encode: impl Fn(&T) -> Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// Takes the next part off the bytes; `None` where the rank that was to compute it stopped.
+/// Returns the next part of the bytes; `None` if its rank was interrupted.
 fn next_part<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     let (length, after) = rest.split_first_chunk()?;
     let length = u64::from_le_bytes(*length);
@@ -100,7 +102,7 @@ pub(super) fn decode_pixels(_: usize, bytes: &[u8]) -> Option<(Vec<Pixel>, Surfa
     ciborium::from_reader(bytes).ok()
 }
 
-/// Returns a block that light is gathered for as bytes.
+/// Returns a block during final gather as bytes.
 pub(super) fn encode_state(state: &BlockState) -> Vec<u8> {
     let mut gathered = Vec::new();
     if state.n_rounds > 0 {
@@ -115,7 +117,7 @@ pub(super) fn encode_state(state: &BlockState) -> Vec<u8> {
     to_bytes(&(&state.pixels, gathered, rare, state.n_rounds))
 }
 
-/// Returns a block that light is gathered for from its bytes.
+/// Returns a block during final gather from its bytes.
 pub(super) fn decode_state(_: usize, bytes: &[u8]) -> Option<BlockState> {
     let (pixels, gathered, rare, n_rounds): (Vec<Pixel>, Vec<u8>, Vec<u8>, u32) = ciborium::from_reader(bytes).ok()?;
     let gathered = if n_rounds > 0 {

@@ -1,17 +1,17 @@
-//! From radiance to a picture for the screen.
+//! Maps radiance to an image for the screen.
 
 use super::image::Image;
 
-/// Where the median of the luminances that are seen comes to lie, before the curve; 1 would be a white wall in plain light.
+/// The median of the visible luminances after scaling, before the curve; 1 would be a white wall in plain light.
 pub const MIDDLE: f64 = 0.25;
 
-/// The luminance, on the same scale, that becomes white: four stops above [`MIDDLE`]. Light sources mostly lie above it.
+/// The luminance, on the same scale, that becomes white: four stops above [`MIDDLE`], and mostly below light sources.
 pub const WHITE: f64 = 4.0;
 
 /// Returns 8-bit sRGB values, three per pixel, of the layers `R,G,B`, or of `Y` where there is no `R`; black where a layer is missing.
 ///
 /// The luminance Y = 0.2126 R + 0.7152 G + 0.0722 B is scaled so that its median over all pixels with light is [`MIDDLE`] (a small
-/// bright source hardly moves it), then Y′ = Y (1 + Y / w²)/(1 + Y) with w = [`WHITE`]; the colours keep their ratios and are cut at 1. Values that are
+/// bright source hardly moves it), then Y′ = Y (1 + Y / w²)/(1 + Y) with w = [`WHITE`]; the colours keep their ratios and are clipped at 1. Values that are
 /// negative or not finite count as 0.
 ///
 /// Source: [`REINHARD_2002`](crate::references::REINHARD_2002), equation (4); sRGB of IEC 61966-2-1.

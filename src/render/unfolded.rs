@@ -10,14 +10,14 @@ use super::flat_surface::{FlatSurface, Oriented, flat_surfaces};
 use super::image::check_size;
 use crate::scene::{Scene, SurfaceId};
 
-/// How far two edges of an unfolded box may lie apart, relative to its longest edge.
+/// The greatest distance of two edges of an unfolded box that count as one, relative to its longest edge.
 const BOX_TOLERANCE: f64 = 1e-5;
 
 /// The part of an unfolded image that shows one planar surface from its front.
 ///
 /// The tile's pixels cover the surface's smallest bounding rectangle exactly: pixel (i, j) of it has its centre at
 /// corner + (i + 1/2) `pixel_size[0]` right + (j + 1/2) `pixel_size[1]` down, and all pixels have one area, so that a rectangular surface's mean
-/// is the mean over the tile's pixels. Seen from the front, right × up is the normal: nothing is mirrored.
+/// is the mean over the tile's pixels. Seen from the front, right × up is the normal, so the tile is not mirrored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tile {
     /// The surface.
@@ -40,7 +40,7 @@ pub struct Tile {
     pub down: DVec3,
     /// Width and height of a pixel in m.
     pub pixel_size: [f64; 2],
-    /// How far the surface's vertices lie from the plane, in m: rounding of the scene file.
+    /// The greatest distance of the surface's vertices from the plane, in m, by rounding of the scene file.
     pub deviation: f64,
 }
 
@@ -99,21 +99,21 @@ pub struct Unfolded {
     pub left_out: Vec<String>,
 }
 
-/// The six places of a cross, in the order of its tiles.
+/// The number of places of a cross, in the order of its tiles.
 const N_PLACES: usize = 6;
 
 impl Unfolded {
-    /// Returns the reason for each surface that has no tile.
+    /// Returns, for each surface without a tile, the reason.
     pub fn without_tile(&self) -> impl Iterator<Item = String> + '_ {
         self.left_out
             .iter()
             .map(|name| format!("{name} is not planar or faces both ways: it has no tile"))
     }
 
-    /// Lays out tiles with `n_pixels` along the longest edge of any tile; the others in proportion, at least 1.
+    /// Lays out tiles with `n_pixels` along the longest edge of all tiles; the other edges are in proportion, at least 1.
     ///
     /// # Errors
-    /// [`RenderError::Empty`] without planar surfaces, [`RenderError::TooLarge`] if the image is.
+    /// [`RenderError::Empty`] without planar surfaces, [`RenderError::TooLarge`] for an image above the limit.
     pub fn new(scene: &Scene, n_pixels: NonZeroU32) -> Result<Self, RenderError> {
         let (surfaces, left_out) = flat_surfaces(scene);
         let longest = surfaces
@@ -149,7 +149,7 @@ impl Unfolded {
     }
 }
 
-/// Tiles while they are laid out.
+/// The tiles under construction.
 struct Sheet<'a> {
     surfaces: &'a [FlatSurface],
     /// Pixels per metre.
@@ -177,7 +177,7 @@ impl Sheet<'_> {
         self.tiles.push(Tile {
             surface: surface.surface,
             name: surface.name.clone(),
-            // A sheet too large for 32 bits is refused after it is laid out.
+            // A sheet too large for 32 bits is refused after its layout.
             left: u32::try_from(left).unwrap_or(u32::MAX),
             top: u32::try_from(top).unwrap_or(u32::MAX),
             width,
@@ -248,7 +248,7 @@ impl Sheet<'_> {
 /// Finds the walls of a box: base, right, left, opposite, up, down.
 fn find_box(surfaces: &[FlatSurface]) -> Option<[Option<(usize, Oriented)>; N_PLACES]> {
     let mut order: Vec<usize> = (0..surfaces.len()).filter(|&k| surfaces[k].is_rectangle).collect();
-    // A stable sort: among equal areas (to the tolerance of a box) the first of the file wins.
+    // The sort is stable: among equal areas (to the tolerance of a box) the first of the file wins.
     let area = |k: &usize| surfaces[*k].natural().size.iter().product::<f64>();
     let largest = order.iter().map(area).fold(0.0, f64::max);
     let rank = |k: &usize| (area(k) / (BOX_TOLERANCE * largest)).round();
@@ -260,7 +260,7 @@ fn find_box(surfaces: &[FlatSurface]) -> Option<[Option<(usize, Oriented)>; N_PL
     })
 }
 
-/// Finds the walls of the box that has `base` as one wall and lies on its front (`side` = 1) or at its back (−1).
+/// Finds the walls of the box with the wall `base` that lies on its front (`side` = 1) or at its back (−1).
 fn box_around(
     surfaces: &[FlatSurface],
     walls: &[usize],
@@ -274,7 +274,7 @@ fn box_around(
     let top_left = natural.corner;
     let top_right = top_left + r * width;
     let bottom_left = top_left - u * height;
-    // Right and up of every neighbour once it is folded down into the base's plane.
+    // The directions right and up of every neighbour, folded into the base's plane.
     let frames = [(inward, u), (-inward, u), (-r, u), (r, inward), (r, -inward)];
     let mut candidates: Vec<(usize, usize, Oriented, f64)> = Vec::new();
     for &k in walls.iter().filter(|&&k| k != base) {
@@ -285,7 +285,7 @@ fn box_around(
             }
             let tile = surface.oriented(right, up);
             let [w, h] = tile.size;
-            // The depth that the tile says the box has, where its corner then must be, and its size.
+            // The depth of the box by this tile, the expected corner of the tile, and its size.
             let (depth, corner, size) = match place {
                 0 => (w, top_right, [w, height]),
                 1 => (w, top_left + inward * w, [w, height]),

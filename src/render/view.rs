@@ -11,9 +11,9 @@ use crate::scene::{Camera, SceneError, SurfaceId};
 pub enum Sight {
     /// The first face along a ray.
     Ray {
-        /// Where the ray starts, in world coordinates (m).
+        /// The origin of the ray, in world coordinates (m).
         origin: DVec3,
-        /// Where it goes; any length but zero.
+        /// The direction of the ray, of any length but zero.
         direction: DVec3,
         /// The unit vector along which depth is measured.
         depth_axis: DVec3,
@@ -24,9 +24,9 @@ pub enum Sight {
         point: DVec3,
         /// The unit normal of the surface there.
         normal: DVec3,
-        /// How far the surface's faces may lie from the point, in m.
+        /// The greatest distance of the surface's faces from the point, in m.
         clearance: f64,
-        /// Only faces of this surface count.
+        /// The only surface whose faces count.
         surface: SurfaceId,
     },
 }
@@ -36,12 +36,12 @@ pub trait View: Sync {
     /// Returns width and height in pixels.
     fn size(&self) -> (u32, u32);
 
-    /// Returns what is seen at image coordinates (x, y), or `None` for background.
+    /// Returns the sight at image coordinates (x, y), or `None` for background.
     ///
     /// x runs right from 0 to the width and y down from 0 to the height; pixel (i, j) has its centre at (i + 1/2, j + 1/2).
     fn sight(&self, x: f64, y: f64) -> Option<Sight>;
 
-    /// Returns what goes into the image file about the view.
+    /// Returns the description of the view for the image file.
     fn description(&self) -> ViewDescription;
 }
 
@@ -50,7 +50,7 @@ pub trait View: Sync {
 /// Pixels are square; the image's size completes the description.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CameraRecord {
-    /// Where the pinhole is, in m.
+    /// The pinhole, in m.
     pub eye: DVec3,
     /// The direction of view.
     pub direction: DVec3,
@@ -85,13 +85,13 @@ impl CameraRecord {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ViewDescription {
-    /// A perspective camera and its parameters: a [`CameraRecord`], where the view is a [`Camera`]'s.
+    /// The parameters of a perspective camera: a [`CameraRecord`], if the view is a [`Camera`].
     Perspective(serde_json::Value),
     /// The tiles of an unfolded view.
     Unfolded(Unfolded),
 }
 
-/// A view along rays that a camera makes.
+/// A view along rays of a given function.
 #[derive(Clone, Debug)]
 pub struct RayView<F> {
     width: u32,
@@ -105,7 +105,7 @@ impl<F: Fn(f64, f64) -> (DVec3, DVec3) + Sync> RayView<F> {
     /// Makes a view of width × height pixels from a function that returns origin and direction of the ray at (x, y), in pixels.
     ///
     /// Depth is measured along the ray through the image's middle, the camera's axis: it is the distance from the image
-    /// plane, not along each ray. `parameters` is written to the image file as it is.
+    /// plane, not along each ray. `parameters` is written to the image file unchanged.
     pub fn new(width: u32, height: u32, ray: F, parameters: serde_json::Value) -> Self {
         let (_, forward) = ray(0.5 * f64::from(width), 0.5 * f64::from(height));
         Self {

@@ -1,7 +1,8 @@
-//! A quantity on patches as colours of vertices, in PLY and OBJ, for programs that show meshes.
+//! Writes a quantity on patches as colours of vertices, in PLY and OBJ, for programs that show meshes.
 //!
-//! Each vertex has the area mean over the patches around it on its flat surface ([`Mesh::vertex_values`]), as sRGB: black is 0 and below, white the greatest value. PLY holds the numbers
-//! themselves too, as further properties of the vertices; both name the quantity and the value of white in a comment. OBJ has the colour behind the position (`v x y z r g b`), as MeshLab, Blender and trimesh read it.
+//! Each vertex has the area mean over the patches around it on its flat surface ([`Mesh::vertex_values`]), as sRGB: black is 0 and below, white the greatest value. PLY also holds the numbers
+//! themselves, as further properties of the vertices. Both name the quantity and the value of white in a comment. OBJ has the colour after the position (`v x y z r g b`), as MeshLab, Blender and
+//! trimesh read it.
 
 use std::io::{self, Write};
 
@@ -18,11 +19,11 @@ pub(super) enum Format {
     Obj,
 }
 
-/// A quantity on patches, with its name and unit as comments have them.
+/// A quantity on patches, with its name and unit for comments.
 pub(super) struct Quantity<'a> {
     pub(super) name: &'a str,
     pub(super) unit: &'a str,
-    /// \[n, c\]; one channel is grey, of others the first three are red, green and blue.
+    /// The values, \[n, c\]; one channel is grey, of others the first three are red, green and blue.
     pub(super) values: &'a Block,
 }
 
@@ -72,7 +73,7 @@ fn write_ply(
             .collect(),
     };
     for column in &columns {
-        // A property ends at a blank.
+        // The name of a property contains no blanks.
         writeln!(writer, "property double {}", column.replace(char::is_whitespace, "_"))?;
     }
     writeln!(writer, "element face {}", mesh.n_patches())?;
@@ -90,7 +91,7 @@ fn write_ply(
         }
         writeln!(writer)?;
     }
-    // Triangles before quads: meshio takes values of faces in no other order.
+    // Triangles precede quads: meshio accepts values of faces in no other order.
     let (triangles, quads): (Vec<&Patch>, Vec<&Patch>) = mesh
         .patches
         .iter()
@@ -135,7 +136,7 @@ fn write_obj(
     Ok(())
 }
 
-/// Returns a value as the sRGB of its share of white, in \[0, 1\] (IEC 61966-2-1).
+/// Returns the sRGB of a value as a share of white, in \[0, 1\] (IEC 61966-2-1).
 fn srgb(value: f64, white: f64) -> f64 {
     let share = if white > 0.0 { value / white } else { 0.0 };
     srgb_curve(share.clamp(0.0, 1.0))

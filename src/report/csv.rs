@@ -1,4 +1,4 @@
-//! The solution as a table: one row a patch.
+//! Writes the solution as a table with one row per patch.
 
 use std::io::{self, Write};
 
@@ -6,9 +6,9 @@ use crate::matrix::operator::Block;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 
-/// Writes one row a patch: its id, surface, area in m², centroid in m, `quantities` (name, value per channel), and `scalars`, which have no channels.
+/// Writes one row per patch: its id, surface, area in m², centroid in m, `quantities` (name, value per channel), and `scalars`, which have no channels.
 ///
-/// Numbers have the fewest digits that read back as the same f64. Names are quoted where they need it (RFC 4180).
+/// Numbers have the fewest digits that read back as the same f64. Names are quoted where necessary (RFC 4180).
 ///
 /// # Errors
 /// Errors of the writer.
@@ -31,7 +31,7 @@ pub fn write_solution(
     })
 }
 
-/// Writes one row a patch, as [`write_solution`] does, with one value of each of `quantities` for it.
+/// Writes one row per patch, as [`write_solution`] does, with one value of each of `quantities`.
 pub(super) fn write_patches(
     writer: &mut dyn Write,
     scene: &Scene,
@@ -68,12 +68,12 @@ fn write_rows<V: Iterator<Item = f64>>(
     Ok(())
 }
 
-/// Writes what a file says about itself, in lines that begin with `#`.
+/// Writes the description of a file in lines that begin with `#`.
 pub(super) fn write_description(writer: &mut dyn Write, description: &str) -> io::Result<()> {
     description.lines().try_for_each(|line| writeln!(writer, "# {line}"))
 }
 
-/// Returns the names of one grey channel, of three colours, or of any other number by their numbers.
+/// Returns the names of one grey channel or of three colours, else the numbers of the channels.
 pub(super) fn channel_names(n_channels: usize) -> Vec<String> {
     match n_channels {
         1 => vec!["grey".to_owned()],

@@ -1,4 +1,4 @@
-//! Plots of curves as SVG, each axis linear or logarithmic: convergence histories, spectra, times by size.
+//! Plots of curves as SVG, with linear or logarithmic axes: convergence histories, spectra, times by size.
 
 use std::ops::Range;
 
@@ -27,24 +27,26 @@ pub struct Curve {
 pub struct CurvePlot {
     /// The heading.
     pub title: String,
-    /// A line below the heading: what was measured how.
+    /// A line below the heading, with the quantity and the conditions.
     pub subtitle: String,
     /// The quantity on the horizontal axis.
     pub x_label: String,
     /// The quantity on the vertical axis.
     pub y_label: String,
-    /// Whether equal ratios, not equal differences, are at equal distances to the right.
+    /// True if the horizontal axis is logarithmic.
     pub log_x: bool,
-    /// Whether equal ratios, not equal differences, are at equal distances upwards.
+    /// True if the vertical axis is logarithmic.
     pub log_y: bool,
-    /// True if every point is marked, false if a few of each line are.
+    /// True if every point is marked, false if only a few of each line are.
     pub marked: bool,
     /// The curves.
     pub curves: Vec<Curve>,
 }
 
 impl CurvePlot {
-    /// Draws the plot. Points that are not finite, or not positive where an axis is logarithmic, are left out; equal input gives equal bytes.
+    /// Draws the plot; equal input gives equal bytes.
+    ///
+    /// Points that are not finite, or not positive on a logarithmic axis, are left out.
     ///
     /// # Errors
     /// [`PlotError`] if the drawing library fails.
@@ -63,7 +65,7 @@ impl CurvePlot {
         })
     }
 
-    /// Returns the points of a curve that have a place.
+    /// Returns the points of a curve that have a place on the axes.
     fn shown<'a>(&'a self, curve: &'a Curve) -> impl Iterator<Item = (f64, f64)> + 'a {
         let has_place = |v: f64, log: bool| v.is_finite() && (!log || v > 0.0);
         let points = curve.points.iter().copied();
@@ -86,7 +88,7 @@ impl CurvePlot {
             });
             frame.hints.extend(hints);
             chart.draw_series([PathElement::new(points, style)])?;
-            // Lines through many points are marked at a few of them, not all at the same ones.
+            // Lines through many points are marked at a few of them, which differ from line to line.
             let step = if self.marked { 1 } else { (places.len() / 6).max(1) };
             for place in places.into_iter().skip(curve.style % step).step_by(step) {
                 mark(&frame.root, place, curve.style)?;
@@ -144,7 +146,7 @@ mod tests {
 
     #[test]
     fn curves_and_names_are_drawn_on_any_axes() {
-        // A zero has a place on a linear axis alone.
+        // Only a linear axis has a place for zero.
         for (log_x, log_y, n_shown) in [(false, false, 4), (false, true, 3), (true, false, 3), (true, true, 2)] {
             let svg = plot(log_x, log_y, false).to_svg().unwrap();
             for text in ["title", "a &lt; b", "steps", "residual", "some-solver", "none"] {

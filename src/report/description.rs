@@ -8,7 +8,7 @@ use crate::form_factor::PairCounts;
 use crate::mesh::{MeshOptions, Subdivision};
 use crate::scene::hash::hexadecimal;
 
-/// The layout of the files; a number that changes when old files cannot be read any more.
+/// The layout of the files; its number changes when older files become unreadable.
 pub(super) const FORMAT: &str = "radiosity form factors 2";
 
 /// The description in a file of form factors, as JSON.
@@ -20,20 +20,20 @@ pub struct Description {
     orientation: String,
     /// The units of the arrays.
     unit: String,
-    /// n.
+    /// The number of patches n.
     pub n_patches: usize,
-    /// [`Mesh::geometry_hash`](crate::mesh::Mesh::geometry_hash).
+    /// The geometry's [`Mesh::geometry_hash`](crate::mesh::Mesh::geometry_hash).
     pub geometry_sha256: String,
-    /// True if A_i F_ij is symmetric to rounding, because the upper triangle is what was computed or repaired.
+    /// True if A_i F_ij is symmetric to rounding, because the upper triangle was computed or repaired.
     pub symmetric: bool,
-    /// False if the error of a form factor is above the tolerance: a budget was spent before, or corners are rounded too coarsely; `pairs` tells which.
+    /// False if the error of a form factor is above the tolerance, by a spent budget or by rounded corners; `pairs` distinguishes these.
     pub tolerance_met: bool,
-    /// How the pairs of patches were treated; `None` of methods that do not look at pairs, and in older files.
+    /// The numbers of pairs of patches by their treatment; `None` for methods without pairs, and in older files.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub pairs: Option<PairCounts>,
-    /// How the form factors were computed.
+    /// The settings of the form factors.
     pub settings: Map<String, Value>,
-    /// Length and checksum of the file beside which the description stands, where that cannot hold them itself.
+    /// Length and checksum of the file that this description accompanies, if that cannot hold them itself.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(super) file: Option<FileCheck>,
 }
@@ -67,7 +67,9 @@ impl Description {
         }
     }
 
-    /// Returns how the scene was cut into patches, or `None` where the settings do not tell. Files of older programs do not say whether faces were cut at contact edges: they were whole.
+    /// Returns the subdivision of the scene, or `None` if the settings do not contain it.
+    ///
+    /// Files of older programs do not state whether faces were cut at contact edges: they were not.
     #[must_use]
     pub fn mesh_options(&self) -> Option<MeshOptions> {
         let parts = self.settings.get("subdivide").and_then(Value::as_u64);
@@ -84,14 +86,14 @@ impl Description {
         })
     }
 
-    /// Returns the JSON text, with the checksum of all else in it.
+    /// Returns the JSON text, with a checksum of all other members.
     pub(super) fn to_json(&self) -> String {
         let mut value = serde_json::to_value(self).expect("text, numbers and maps with text keys");
         value[CHECKSUM] = checksum(&value).into();
         format!("{value:#}")
     }
 
-    /// Reads what [`to_json`](Self::to_json) wrote; says what is wrong with a description that is not.
+    /// Reads the text of [`to_json`](Self::to_json); an error describes the fault of other text.
     pub(super) fn from_json(mut value: Value) -> Result<Self, String> {
         let stated = value.as_object_mut().and_then(|members| members.remove(CHECKSUM));
         if stated != Some(Value::from(checksum(&value))) {

@@ -1,4 +1,4 @@
-//! Why a report could not be written, or a file of form factors not be read.
+//! Errors of writing reports, and of reading form factors and tables.
 
 use std::io;
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use crate::matrix::{DiskError, MatrixError};
 use crate::parameter::{Named, Parameter};
 use crate::printable::{printable_message, quoted};
 
-/// Why a report could not be written, or a file of form factors not be read.
+/// A reason why a report could not be written, or a file not be read.
 #[derive(Debug, Error, strum::IntoStaticStr)]
 #[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
@@ -35,7 +35,7 @@ pub enum ReportError {
     BadTable {
         /// The file.
         path: PathBuf,
-        /// [`kind`](Self::kind).
+        /// The kind of the error, see [`kind`](Self::kind).
         kind: &'static str,
         /// The line, from 1.
         line: usize,
@@ -52,7 +52,7 @@ pub enum ReportError {
         /// The fault, and the remedy.
         reason: String,
     },
-    /// An array that is not of the shape or the values that are wanted.
+    /// An array of a wrong shape, or with wrong values.
     #[error("{}: {}", .path.display(), printable_message(.reason))]
     BadArray {
         /// The file.
@@ -60,17 +60,17 @@ pub enum ReportError {
         /// The fault, and the remedy.
         reason: String,
     },
-    /// The name does not end in a format that is known for this content.
+    /// The ending of the name is that of no format for this content.
     #[error("{}: the ending names no format for {content}; use one of {known}", .path.display())]
     UnknownFormat {
         /// The file.
         path: PathBuf,
-        /// The content that was to be written or read.
+        /// The content to be written or read.
         content: &'static str,
-        /// The endings that are understood.
+        /// The supported endings.
         known: String,
     },
-    /// The file does not say what it holds: another program wrote it, or the description beside it is missing.
+    /// The file has no description: another program wrote it, or the description beside it is missing.
     #[error("{}: {what} is missing, so the file cannot be matched with a scene; write it with `radiosity form-factors`", .path.display())]
     NoDescription {
         /// The file.
@@ -78,14 +78,14 @@ pub enum ReportError {
         /// The part of the file, or the file beside it, that is missing.
         what: String,
     },
-    /// A later layout of the file than this program knows.
+    /// The layout of the file is newer than this program.
     #[error("{}: holds \"{}\", and this program reads \"{expected}\"", .path.display(), quoted(.found))]
     Version {
         /// The file.
         path: PathBuf,
         /// The version in the file.
         found: String,
-        /// The version that is read.
+        /// The supported version.
         expected: &'static str,
     },
     /// The file is cut off, changed, or contradicts itself.
@@ -96,27 +96,27 @@ pub enum ReportError {
         /// The fault.
         reason: String,
     },
-    /// The form factors belong to other patches than those at hand.
+    /// The form factors belong to other patches than the given ones.
     #[error("{}: holds form factors of another geometry; compute them for this scene with `radiosity form-factors`", .path.display())]
     OtherGeometry {
         /// The file.
         path: PathBuf,
     },
-    /// The form factors lie on a disk, and could not be read from it or written to it.
+    /// The form factors are on a disk, and could not be read or written there.
     #[error("{}: {source}", .path.display())]
     Scratch {
-        /// The file that was to be written or read.
+        /// The file to be written or read.
         path: PathBuf,
-        /// An error of the scratch file.
+        /// The error of the scratch file.
         source: DiskError,
     },
-    /// The numbers make no form factors.
+    /// The numbers are not form factors.
     #[error("{}: {source}; write it again with `radiosity form-factors`", .path.display())]
     #[strum(serialize = "damaged")]
     Matrix {
         /// The file.
         path: PathBuf,
-        /// An error of them.
+        /// The error in them.
         source: MatrixError,
     },
 }
@@ -147,7 +147,7 @@ impl ReportError {
         }
     }
 
-    /// Returns the file that is at fault.
+    /// Returns the file at fault.
     #[must_use]
     pub fn path(&self) -> &Path {
         match self {
@@ -166,7 +166,7 @@ impl ReportError {
         }
     }
 
-    /// Returns a stable name of the kind, snake_case.
+    /// Returns a stable name of the kind, in snake case.
     #[must_use]
     pub fn kind(&self) -> &'static str {
         match self {

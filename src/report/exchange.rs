@@ -28,7 +28,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Returns the format that a file's ending names; `content` is what messages call what goes into it.
+    /// Returns the format of a file's ending; messages call the content `content`.
     ///
     /// # Errors
     /// [`ReportError::UnknownFormat`].
@@ -37,7 +37,7 @@ impl Format {
     }
 }
 
-/// Writes exchange factors to `path`, whole or not at all, in the format that its ending names; `settings`: how they were computed.
+/// Writes exchange factors to `path`, atomically, in the format of its ending; `settings` are those of the computation.
 ///
 /// # Errors
 /// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`].

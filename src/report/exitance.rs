@@ -1,4 +1,4 @@
-//! Exitances of single patches from a file: many lightings of one scene.
+//! Reads exitances of single patches: many lightings of one scene.
 
 use std::path::Path;
 
@@ -16,16 +16,17 @@ const LIMIT: u64 = 1 << 34;
 pub struct Exitances {
     /// The number of lightings.
     pub n_lightings: usize,
-    /// Whether each has three channels.
+    /// True if each has three channels.
     pub is_coloured: bool,
     /// E, W·m⁻², \[n, c\]: the channels of the first lighting, then those of the second, and so on.
     pub values: Block,
 }
 
-/// Reads exitances, W·m⁻², from an array of NumPy: \[n\] or \[n, k\] of k grey lightings, \[n, k, 3\] of coloured ones, of f64 or f32.
+/// Reads exitances, W·m⁻², from an array of NumPy: \[n\] or \[n, k\] for k grey lightings, \[n, k, 3\] for coloured ones, of f64 or f32.
 ///
 /// # Errors
-/// [`ReportError::Unreadable`], and [`ReportError::BadArray`] of what is no such array for `n_patches` patches, or holds a number that is neither 0 nor from [`MIN_EXITANCE`] to [`MAX_EXITANCE`].
+/// [`ReportError::Unreadable`], and [`ReportError::BadArray`] for any other content, a shape that does not fit `n_patches` patches, or a number that is neither 0 nor from [`MIN_EXITANCE`] to
+/// [`MAX_EXITANCE`].
 pub fn read(path: &Path, n_patches: usize) -> Result<Exitances, ReportError> {
     let bytes = input_file::read(path, LIMIT).map_err(|source| ReportError::unreadable(path, source))?;
     let bad = |reason: String| ReportError::BadArray {
@@ -69,7 +70,7 @@ pub fn read(path: &Path, n_patches: usize) -> Result<Exitances, ReportError> {
 }
 
 impl Exitances {
-    /// Returns reflectances \[n, 1\] or \[n, 3\] for all channels of all lightings; `None` where coloured ones meet grey lightings.
+    /// Returns reflectances \[n, 1\] or \[n, 3\] for all channels of all lightings; `None` if coloured ones meet grey lightings.
     #[must_use]
     pub fn reflectances(&self, reflectance: &Block) -> Option<Block> {
         let (own, n_channels) = (reflectance.n_channels(), self.values.n_channels());

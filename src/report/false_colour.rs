@@ -1,4 +1,4 @@
-//! A picture of a quantity in false colour, with a scale.
+//! Images of a quantity in false colour, with a scale.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -10,7 +10,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::frame::{self, Area, DrawResult, Frame, PlotError, text};
 use super::{ReportError, file};
 
-/// A picture of a quantity.
+/// An image of a quantity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FalseColour {
     /// The heading.
@@ -21,21 +21,21 @@ pub struct FalseColour {
     pub label: String,
     /// Pixels in a row.
     pub width: usize,
-    /// The values of all pixels, row by row from the top; `None` where there is nothing to see.
+    /// The values of all pixels, row by row from the top; `None` for background.
     pub values: Vec<Option<f64>>,
 }
 
-/// The box of the picture: its left edge, its width and its height.
+/// The position of the image: its left edge, its width and its height.
 const LEFT: i32 = 24;
 const BOX: [f64; 2] = [720.0, 508.0];
 
 /// The scale: top, height and width in the part of the sheet for the legend.
 const SCALE: [i32; 3] = [40, 400, 26];
 
-/// Labels of the scale.
+/// The number of labels of the scale.
 const N_LABELS: i32 = 6;
 
-/// Nothing to see.
+/// The colour of the background.
 const BACKGROUND: RGBColor = RGBColor(235, 235, 235);
 
 /// Nine colours of viridis, from the least value to the greatest (S. van der Walt and N. Smith, 2015; public domain).
@@ -51,9 +51,9 @@ const VIRIDIS: [[f64; 3]; 9] = [
     [253.0, 231.0, 37.0],
 ];
 
-/// Returns the colour of a place on the scale, from 0 to 1.
+/// Returns the colour at a position on the scale, from 0 to 1.
 fn colour(place: f64) -> RGBColor {
-    // What is no number counts as 0.
+    // NaN counts as 0.
     let along = if place > 0.0 { place.min(1.0) } else { 0.0 } * (VIRIDIS.len() - 1) as f64;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 8")]
     let k = (along as usize).min(VIRIDIS.len() - 2);
@@ -68,7 +68,7 @@ fn colour(place: f64) -> RGBColor {
 }
 
 impl FalseColour {
-    /// Draws the picture as a PNG of 1920 × 1200 pixels, the scale from its least value to its greatest. Equal input gives equal bytes.
+    /// Draws the image as a PNG of 1920 × 1200 pixels, with a scale from its least value to its greatest; equal input gives equal bytes.
     ///
     /// # Errors
     /// [`PlotError`] if the drawing library fails.
@@ -76,7 +76,7 @@ impl FalseColour {
         frame::to_png(&self.title, &self.subtitle, |frame| self.draw(frame))
     }
 
-    /// Writes the PNG, whole or not at all.
+    /// Writes the PNG, atomically.
     ///
     /// # Errors
     /// [`ReportError::Unwritable`].
@@ -153,7 +153,7 @@ impl FalseColour {
     }
 }
 
-/// Returns a value with the decimals that tell apart a thousandth of a spread.
+/// Returns a value with as many decimals as distinguish a thousandth of a spread.
 fn rounded(value: f64, spread: f64) -> String {
     let digits = if spread > 0.0 {
         2.0 - spread.log10().floor()
@@ -181,7 +181,7 @@ mod tests {
         assert_eq!(rounded(177.4213, 0.0), "177.421");
     }
 
-    /// The middle of the left half has the least colour, that of the right the greatest, and nothing lies between them.
+    /// Tests the colours: the middle of the left half has the least colour, that of the right the greatest, and the gap has neither.
     #[test]
     fn pixels_have_the_colours_of_their_values() {
         let picture = FalseColour {
@@ -200,7 +200,7 @@ mod tests {
             let first = 3 * (y * 1920 + x);
             RGBColor(pixels[first], pixels[first + 1], pixels[first + 2])
         };
-        // Two pixels to the unit; the heading is 66 units high.
+        // One unit is two pixels; the heading is 66 units high.
         let y = 2 * (66 + 120);
         let seen = [144, 384, 624].map(|x| at(2 * x, y));
         assert_eq!(seen, [colour(0.0), BACKGROUND, colour(1.0)]);

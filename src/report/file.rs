@@ -1,4 +1,4 @@
-//! Files: their formats by their endings, written whole or not at all, counted and hashed.
+//! Files: formats by their endings, atomic writes, counts and hashes.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -11,7 +11,7 @@ use super::description::FileCheck;
 use crate::scene::hash::hexadecimal;
 use crate::whole_file;
 
-/// Returns the format that a file's ending names, of those that are `known` for this content.
+/// Returns the format of a file's ending, among those `known` for this content.
 pub(super) fn by_ending<F: Copy>(path: &Path, content: &'static str, known: &[(&str, F)]) -> Result<F, ReportError> {
     let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
     let found = known.iter().find(|(name, _)| ending.as_deref() == Some(name.as_ref()));
@@ -25,7 +25,7 @@ pub(super) fn by_ending<F: Copy>(path: &Path, content: &'static str, known: &[(&
     })
 }
 
-/// Writes a file whole or not at all.
+/// Writes a file atomically.
 pub(super) fn write(
     path: &Path,
     content: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
@@ -50,7 +50,7 @@ impl<W: Write> Hashed<W> {
         }
     }
 
-    /// Returns what a reader compares with what it reads.
+    /// Returns the length and the checksum for readers.
     pub(super) fn check(self) -> FileCheck {
         FileCheck {
             byte: self.byte,

@@ -12,10 +12,13 @@
 //! | `.vtu` | patches with row sum, error, sky and back factor with their errors, and the form factor to a chosen surface | ParaView, PyVista |
 //!
 //! F\[i, j\] is the fraction of the light leaving patch i that reaches patch j, `area_m2` is in m², `error` the standard error of
-//! each form factor, `sky_factor` the fraction of the light of a patch that escapes, `back_factor` what black backs take. Entries that no ray hit have the error that their number of rays leaves open. Sparse rows list them, too, with a form factor of 0, but
-//! where they are more than eight times as many as the others: then `open_error`, one number for each row, is the error of every entry that is not listed and whose patches face each other, or
-//! their factor without occluders where that is less; `points` is the number of points along each side of a patch that its rays start from, 0 if they start anywhere. Every file says so itself, together with the hash of the patches' geometry and the settings; it holds no
-//! time, path or number of threads, and equal content gives equal bytes.
+//! each form factor, `sky_factor` the fraction of the light of a patch that escapes, `back_factor` the fraction that black backs absorb.
+//!
+//! The error of an entry that no ray hit follows from the number of rays. Sparse rows list such entries, with a form factor of 0, unless they are more than eight times as many as the others.
+//! Otherwise `open_error`, one number for each row, is the error of every entry that is not listed and whose patches face each other, or their factor without occluders where that is less; `points` is
+//! the number of points along each side of a patch from which its rays start, 0 if they start anywhere.
+//!
+//! Every file contains this description, the hash of the patches' geometry and the settings; it holds no time, path or number of threads, and equal content gives equal bytes.
 
 use std::io::{self, BufWriter, Write};
 use std::num::NonZeroUsize;
@@ -39,7 +42,7 @@ use crate::whole_file;
 
 pub use super::read::FormFactorFile;
 
-/// Form factors with what they belong to.
+/// Form factors with their scene and settings.
 #[derive(Clone, Copy, Debug)]
 pub struct FormFactorReport<'a> {
     /// The scene.
@@ -50,22 +53,22 @@ pub struct FormFactorReport<'a> {
     pub factors: &'a FormFactors,
     /// False if the error of a form factor is above the tolerance.
     pub tolerance_met: bool,
-    /// How the pairs of patches were treated, and how many are above the tolerance for which reason; `None` of methods that do not look at pairs.
+    /// The numbers of pairs of patches by their treatment, and those above the tolerance by the reason; `None` for methods without pairs.
     pub pairs: Option<PairCounts>,
-    /// The sky and back factors of each patch; files then hold them with their errors.
+    /// The sky and back factors of each patch, which files then hold with their errors.
     pub sky: Option<&'a SkyFactors>,
-    /// How the form factors were computed: no time, path or number of threads. `subdivide` or `max_edge_m` tells how the scene was
-    /// cut into patches.
+    /// The settings of the form factors: no time, path or number of threads. `subdivide` or `max_edge_m` is the subdivision of
+    /// the scene.
     pub settings: &'a Map<String, Value>,
-    /// The surface that `.vtu` gives every patch's form factor to; no other format asks for it.
+    /// The surface to which `.vtu`, `.ply` and `.obj` give every patch's form factor.
     pub surface: Option<SurfaceId>,
-    /// Whether light cannot leave the scene; `.vf` says so.
+    /// True if light cannot leave the scene, for `.vf`.
     pub is_closed: bool,
-    /// True if `.npz` holds F and its errors in full; no other format asks for it.
+    /// True if `.npz` holds F and its errors in full; other formats ignore it.
     pub dense: bool,
 }
 
-/// The formats that form factors are written in.
+/// The formats of form factors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// NumPy's archive of arrays.
@@ -88,7 +91,7 @@ pub enum Format {
     Vtu,
 }
 
-/// The one place that lists the formats: ending, format, and whether form factors can be read from it. A new one also has its arm in
+/// The formats: ending, format, and whether form factors can be read from it. A new one also needs an arm in
 /// [`FormFactorReport::write`], and one in [`FormFactorFile`] if it is read.
 const FORMATS: [(&str, Format, bool); 9] = [
     ("npz", Format::Npz, true),
@@ -102,11 +105,11 @@ const FORMATS: [(&str, Format, bool); 9] = [
     ("vtu", Format::Vtu, false),
 ];
 
-/// How many entries that no ray hit a sparse matrix lists at most for each of the others.
+/// The greatest ratio of entries that no ray hit to the others up to which a sparse matrix lists them.
 const MAX_OPEN: usize = 8;
 
 impl Format {
-    /// Returns the format that a file's ending names.
+    /// Returns the format of a file's ending.
     ///
     /// # Errors
     /// [`ReportError::UnknownFormat`].
@@ -114,7 +117,7 @@ impl Format {
         Self::among(path, "form factors", |_| true)
     }
 
-    /// Returns the format that a file's ending names, if form factors can be read from it.
+    /// Returns the format of a file's ending, if form factors can be read from it.
     ///
     /// # Errors
     /// [`ReportError::UnknownFormat`].
@@ -130,7 +133,7 @@ impl Format {
 }
 
 impl FormFactorReport<'_> {
-    /// Writes the form factors to `path`, whole or not at all, in the format that its ending names.
+    /// Writes the form factors to `path`, atomically, in the format of its ending.
     ///
     /// # Errors
     /// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`], [`ReportError::Scratch`].
@@ -146,7 +149,7 @@ impl FormFactorReport<'_> {
             Format::Npz if !self.dense => self.row_counts(),
             _ => Vec::new(),
         };
-        // What could not be read must not be written: the file goes as if it had never been begun.
+        // After a failed read, the file is removed as if it had never been begun.
         let readable = || factors.if_readable(()).map_err(io::Error::other);
         let write = || match format {
             Format::Npz => whole_file::write(path, |writer| {
@@ -201,7 +204,7 @@ impl FormFactorReport<'_> {
         self.mesh.patches.iter().map(|patch| patch.surface.0).collect()
     }
 
-    /// Returns what `.vtu` says of every patch.
+    /// Returns the values of every patch for `.vtu`.
     fn cell_data(&self) -> Vec<CellData> {
         let n = self.factors.n_rows();
         let sum_to = |i: usize, counts: &dyn Fn(usize) -> bool| {
@@ -269,7 +272,7 @@ impl FormFactorReport<'_> {
         let described = whole_file::prepare(&beside(path), |writer| {
             writer.write_all(description.to_json().as_bytes())
         })?;
-        // Another process that writes the same two must not put one between them.
+        // The lock keeps other processes from writing one of the two files in between.
         let _turn = whole_file::turn(whole_file::directory_of(path));
         matrix.put()?;
         described.put()
@@ -285,7 +288,7 @@ impl FormFactorReport<'_> {
         )
     }
 
-    /// Returns the type in which F is written: that in which it is stored.
+    /// Returns the type of F in files, which is that of its storage.
     pub(super) fn dtype(&self) -> Dtype {
         match self.factors.storage().precision {
             Precision::F64 => Dtype::F64,
@@ -364,7 +367,7 @@ impl FormFactorReport<'_> {
         Ok(())
     }
 
-    /// Returns for each row how many entries are stored, and how many more no ray hit. Collective.
+    /// Returns for each row the number of stored entries, and of further ones that no ray hit; a collective call.
     fn row_counts(&self) -> Vec<[usize; 2]> {
         let counts = self.factors.numbers_of_rows(|i| {
             let mut n_stored: u64 = 0;
@@ -388,7 +391,7 @@ impl FormFactorReport<'_> {
             begins.push(n_entries);
         }
         let size = n_entries.unsigned_abs();
-        // SciPy wants both index arrays of one type.
+        // SciPy requires both index arrays to have one type.
         let narrow = begins.iter().map(|&b| i32::try_from(b)).collect::<Result<Vec<_>, _>>();
         let narrow = narrow.ok().filter(|_| i32::try_from(n).is_ok());
         npz.array("format", &Header::new(Dtype::Bytes(3), &[]), |w| w.write_all(b"csr"))?;
@@ -421,7 +424,7 @@ impl FormFactorReport<'_> {
     }
 }
 
-/// Returns the files that form factors are written to at `path`: the file itself, and the description beside it where that stands in a file of its own.
+/// Returns the files of form factors at `path`: the file itself, and the description if it has a file of its own.
 #[must_use]
 pub fn files_of(path: &Path) -> Vec<PathBuf> {
     let description = Format::of(path)
@@ -430,14 +433,14 @@ pub fn files_of(path: &Path) -> Vec<PathBuf> {
     [path.to_owned()].into_iter().chain(description).collect()
 }
 
-/// Returns the name of the description beside an array: the array's with `.json` after it.
+/// Returns the name of the description beside an array: that of the array with `.json` appended.
 pub(super) fn beside(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(".json");
     name.into()
 }
 
-/// Writes numbers as f32 where that is the type asked for, else as f64.
+/// Writes numbers as f32 if that is the type, else as f64.
 fn write_reals(writer: &mut dyn Write, dtype: Dtype, numbers: &[f64]) -> io::Result<()> {
     if dtype == Dtype::F32 {
         #[expect(clippy::cast_possible_truncation, reason = "rounding to f32 is what is asked for")]
@@ -447,7 +450,7 @@ fn write_reals(writer: &mut dyn Write, dtype: Dtype, numbers: &[f64]) -> io::Res
     write_numbers(writer, numbers)
 }
 
-/// Adds the tallies of the rays, if there are any: counts, and the sums of the weights (not a number in rows without).
+/// Adds the tallies of the rays, if there are any: counts, and the sums of the weights (NaN for rows without weights).
 fn add_tallies<W: Write + io::Seek>(npz: &mut NpzWriter<W>, tallies: &[RowTally]) -> io::Result<()> {
     let n = tallies.len();
     if tallies.iter().all(|tally| *tally == RowTally::default()) {

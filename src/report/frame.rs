@@ -1,4 +1,4 @@
-//! The parts that all plots share: paper, heading, axes, legend.
+//! The common parts of all plots: paper, heading, axes, legend.
 
 use std::fmt::Write as _;
 
@@ -20,31 +20,31 @@ use super::paper::{Canvas, HEIGHT, Paper, WIDTH};
 #[error("the plot cannot be drawn: {0}")]
 pub struct PlotError(String);
 
-/// Why the drawing library stopped.
+/// The result of the drawing library.
 pub(super) type DrawResult = Result<(), Box<dyn std::error::Error>>;
 
-/// Places of points, with what a browser shows where the mouse rests on them.
+/// Positions of points, with the text that a browser shows under the mouse.
 pub(super) type Hints = Vec<((i32, i32), String)>;
 
 /// A part of the paper.
 pub(super) type Area<'a> = DrawingArea<Paper<'a>, Shift>;
 
-/// The part of the width that the legend takes.
+/// The width of the legend.
 const LEGEND: i32 = 200;
-/// From one line of the legend to the next.
+/// The distance between lines of the legend.
 const LEGEND_STEP: i32 = 25;
 const FONT: &str = "sans-serif";
 const BLACK: RGBColor = RGBColor(0, 0, 0);
 const WHITE: RGBColor = RGBColor(255, 255, 255);
 pub(super) const GREY: RGBColor = RGBColor(110, 110, 110);
 
-/// A sheet with its heading; what is below it is for the plot and the legend.
+/// A sheet with its heading; the part below is for the plot and the legend.
 pub(super) struct Frame<'a> {
     pub(super) root: Area<'a>,
     pub(super) plot: Area<'a>,
     pub(super) legend: Legend<'a>,
     pub(super) hints: Hints,
-    /// The names of what is shown, each with the number of its colour and mark.
+    /// The names in the plot, each with the number of its colour and mark.
     pub(super) keys: Vec<(String, usize)>,
 }
 
@@ -54,13 +54,15 @@ struct Notes {
     keys: Vec<(String, usize)>,
 }
 
-/// The list of what is shown, from top to bottom.
+/// The list of the plot's names, from top to bottom.
 pub(super) struct Legend<'a> {
     area: Area<'a>,
     y: i32,
 }
 
-/// Makes an SVG of what `draw` draws, with a sentence that describes it. Text is laid out in DejaVu Sans; equal input gives equal bytes.
+/// Makes an SVG of the drawing by `draw`, with a sentence that describes it; equal input gives equal bytes.
+///
+/// Text is laid out in DejaVu Sans.
 pub(super) fn to_svg(
     title: &str,
     subtitle: &str,
@@ -73,7 +75,7 @@ pub(super) fn to_svg(
     Ok(with_notes(&svg, description, &notes))
 }
 
-/// Makes a PNG of what `draw` draws, with the layout of [`to_svg`], two pixels to its unit of length.
+/// Makes a PNG of the drawing by `draw`, with the layout of [`to_svg`], two pixels to its unit of length.
 pub(super) fn to_png(
     title: &str,
     subtitle: &str,
@@ -84,8 +86,9 @@ pub(super) fn to_png(
     canvas.to_png().map_err(|error| PlotError(error.to_string()))
 }
 
-/// Adds the description, a line `STYLE NAME` for each name as metadata, and a circle that is not seen for every point, above everything else;
-/// its title is what a browser shows.
+/// Adds the description, the names as metadata in lines `STYLE NAME`, and an invisible circle for every point, above everything else.
+///
+/// The title of a circle is the text that a browser shows.
 fn with_notes(svg: &str, description: &str, notes: &Notes) -> String {
     let escaped = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;");
     let body = svg.trim_end().trim_end_matches("</svg>");
@@ -183,12 +186,12 @@ where
 }
 
 impl<'a> Legend<'a> {
-    /// Returns the part of the sheet that it takes.
+    /// Returns its part of the sheet.
     pub(super) fn area(&self) -> &Area<'a> {
         &self.area
     }
 
-    /// Adds a line of text and draws what stands for it: `draw` is told the place of the middle of a line 30 pixels long.
+    /// Adds a line of text with its mark: `draw` receives the middle of a line 30 pixels long.
     pub(super) fn entry(&mut self, name: &str, draw: impl FnOnce(&Area<'_>, (i32, i32)) -> DrawResult) -> DrawResult {
         draw(&self.area, (19, self.y))?;
         let label = text(14.0).pos(Pos::new(HPos::Left, VPos::Center));
@@ -203,7 +206,7 @@ impl<'a> Legend<'a> {
     }
 }
 
-/// Draws level lines from `from` to `to` pixels right of a place.
+/// Draws horizontal lines from `from` to `to` pixels right of a position.
 pub(super) fn dashes(area: &Area<'_>, (x, y): (i32, i32), style: ShapeStyle, parts: &[(i32, i32)]) -> DrawResult {
     for &(from, to) in parts {
         area.draw(&PathElement::new([(x + from, y), (x + to, y)], style))?;
@@ -211,7 +214,7 @@ pub(super) fn dashes(area: &Area<'_>, (x, y): (i32, i32), style: ShapeStyle, par
     Ok(())
 }
 
-/// Makes the font known to the drawing library.
+/// Registers the font with the drawing library.
 fn register_fonts() -> Result<(), PlotError> {
     let font = [
         (FontStyle::Normal, dejavu::sans::regular()),

@@ -7,7 +7,7 @@
 //! | `.ply`, `.obj` | patches whose vertices have the colours of the temperature |
 //! | `.vtu` | patches with the same quantities |
 //!
-//! The unit of a quantity is in its name, and `NAME_error` is an estimate of its absolute error; infinite where that is not known.
+//! The unit of a quantity is in its name, and `NAME_error` is an estimate of its absolute error, infinite where unknown.
 
 use std::io::{self, Seek, Write};
 use std::path::Path;
@@ -32,12 +32,12 @@ pub struct HeatReport<'a> {
     pub mesh: &'a Mesh,
     /// Temperatures and fluxes.
     pub heat: &'a Heat,
-    /// How they were computed: no time, path or number of threads.
+    /// The settings of the computation: no time, path or number of threads.
     pub settings: &'a Map<String, Value>,
 }
 
 impl HeatReport<'_> {
-    /// Writes the patches to `path`, whole or not at all, in the format that its ending names.
+    /// Writes the patches to `path`, atomically, in the format of its ending.
     ///
     /// # Errors
     /// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`].

@@ -1,24 +1,24 @@
 //! A logarithmic axis for `plotters`.
 //!
-//! The library's own treats values below 2.2e-16 as zero and labels nothing but powers of ten; errors reach below that, and times may span less.
+//! The library's own treats values below 2.2e-16 as zero and labels only powers of ten; errors may be smaller, and times may span less.
 
 use std::ops::Range;
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 
-/// An axis from one positive number to a larger one, equal ratios at equal distances.
+/// An axis from one positive number to a larger one, with equal ratios at equal distances.
 #[derive(Clone, Debug)]
 pub(super) struct LogAxis {
     range: Range<f64>,
 }
 
 impl LogAxis {
-    /// Returns an axis that covers `values` with a margin; what is not positive and finite does not count.
+    /// Returns an axis that covers `values` with a margin; values that are not positive and finite are ignored.
     pub(super) fn covering(values: impl IntoIterator<Item = f64>) -> Self {
         let usable = values.into_iter().filter(|v| v.is_finite() && *v > 0.0);
         let (low, high) = usable.fold((f64::INFINITY, 0.0_f64), |(low, high), v| (low.min(v), high.max(v)));
         let (low, high) = if low <= high { (low, high) } else { (0.1, 1.0) };
-        // At least half a decade, so that a single value does not stand on an empty range.
+        // At least half a decade keeps a single value off an empty range.
         let missing = (0.5 - (high / low).log10()).max(0.0);
         let margin = 10f64.powf(0.5 * missing + 0.06 * (high / low).log10().max(1.0));
         Self {
@@ -47,7 +47,7 @@ impl LogAxis {
     }
 }
 
-/// Returns m · 10^k with the last bit right, so that labels can tell what it was.
+/// Returns m · 10^k, correctly rounded, for labels.
 fn power_of_ten(mantissa: u8, exponent: i32) -> f64 {
     format!("{mantissa}e{exponent}").parse().unwrap_or(f64::NAN)
 }
@@ -68,7 +68,7 @@ impl Ranged for LogAxis {
         if hint.weight().allow_light_points() && self.decades() <= 7.0 {
             return self.marks(&[1, 2, 3, 4, 5, 6, 7, 8, 9], 1);
         }
-        // A range that holds two powers of ten or fewer is labelled between them, too.
+        // A range with at most two powers of ten is also labelled between them.
         let powers = self.marks(&[1], every);
         match powers.len() {
             0 => self.marks(&[1, 2, 3, 4, 5, 6, 7, 8, 9], 1),
@@ -88,7 +88,7 @@ impl ValueFormatter<f64> for LogAxis {
     }
 }
 
-/// Returns a number as people write it on an axis: 0.02, or in powers of ten 2×10⁻², 10⁻⁵, 1.
+/// Returns a number as a label: 0.02, or in powers of ten 2×10⁻², 10⁻⁵, 1.
 fn label(value: f64, in_powers: bool) -> String {
     if (1.0..1e4).contains(&value) || !in_powers && (1e-3..1.0).contains(&value) {
         return format!("{value}");

@@ -1,4 +1,4 @@
-//! The machine of measured times.
+//! The machine on which times are measured.
 
 use serde::Serialize;
 
@@ -18,7 +18,7 @@ pub struct Machine {
     pub system: &'static str,
 }
 
-/// Returns how many processes of the whole machine ran or waited to run, as the system's mean over the last minute, or `None` where it does not tell.
+/// Returns the load average of the last minute: the mean number of processes that ran or waited to run; `None` if the system does not provide it.
 #[must_use]
 pub fn load_average() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/loadavg").ok()?;
@@ -26,7 +26,7 @@ pub fn load_average() -> Option<f64> {
 }
 
 impl Machine {
-    /// Looks at the machine, and at the thread pool that the caller runs in.
+    /// Describes this machine, and the thread pool of the caller.
     #[must_use]
     pub fn here() -> Self {
         let facts = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();

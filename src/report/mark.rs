@@ -1,4 +1,4 @@
-//! Colours and marks: each number stands for one pair of them, in every plot and table.
+//! Colours and marks: each number has one pair of them, in every plot and table.
 
 use std::fmt::Write as _;
 
@@ -7,7 +7,7 @@ use plotters::prelude::{Color, RGBColor};
 
 use super::frame::{Area, DrawResult};
 
-/// Colours that people with any colour vision can tell apart (M. Okabe and K. Ito, "Color Universal Design", 2008), without the yellow,
+/// Colours that people with any colour vision can distinguish (M. Okabe and K. Ito, "Color Universal Design", 2008), without the yellow,
 /// which is too faint for lines on white.
 const PALETTE: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
@@ -48,7 +48,7 @@ const STAR: Corners = &[
     (-2, -2),
 ];
 
-/// As many shapes as there are methods. Their number and that of the colours have no common factor, so 91 pairs differ.
+/// The shapes, one for each method; their number and that of the colours have no common factor, so 91 pairs differ.
 const SHAPES: [Shape; 13] = [
     Shape::Disc,
     Shape::Square,
@@ -74,7 +74,7 @@ pub(super) fn colour(style: usize) -> RGBColor {
     PALETTE[style % PALETTE.len()]
 }
 
-/// Returns the width of the line of a style: smaller in the second round of colours.
+/// Returns the width of the line of a style, smaller in the second round of colours.
 pub(super) fn line_width(style: usize) -> u32 {
     if style < PALETTE.len() { 2 } else { 1 }
 }
@@ -136,7 +136,7 @@ mod tests {
     fn no_two_methods_or_solvers_look_alike() {
         let marks: BTreeSet<String> = (0..91).map(inline).collect();
         assert_eq!(marks.len(), 91);
-        // Without their colours, the first thirteen still differ.
+        // Even without their colours, the first thirteen differ.
         let shapes = (0..SHAPES.len()).map(|style| {
             let RGBColor(r, g, b) = colour(style);
             inline(style).replace(&format!("#{r:02X}{g:02X}{b:02X}"), "")

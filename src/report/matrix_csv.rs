@@ -1,4 +1,4 @@
-//! Form factors between surfaces as a table.
+//! Writes form factors between surfaces as a table.
 
 use std::io::{self, Write};
 
@@ -8,10 +8,10 @@ use super::sky::SkyColumns;
 use crate::matrix::SurfaceRows;
 use crate::scene::Scene;
 
-/// Writes one row for every pair of surfaces: from, to, area of the former in m², form factor, its absolute error, and the sky and back factors of the former.
+/// Writes one row for every pair of surfaces: from, to, area of the former, form factor, its absolute error, and the sky and back factors of the former.
 ///
-/// The description stands before the table in lines that begin with `#`. Numbers have the fewest digits that read back as the same
-/// f64. Names are quoted where they need it (RFC 4180).
+/// The area is in m². The description precedes the table in lines that begin with `#`. Numbers have the fewest digits that read back as the same
+/// f64. Names are quoted where necessary (RFC 4180).
 pub(super) fn write(
     writer: &mut dyn Write,
     scene: &Scene,

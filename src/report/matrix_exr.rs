@@ -1,4 +1,4 @@
-//! Form factors as an image: one pixel for each, row i downwards, column j to the right.
+//! Writes form factors as an image: one pixel each, row i downwards, column j to the right.
 
 use std::io::{Seek, Write};
 

@@ -60,13 +60,13 @@ pub use table::Table;
 #[cfg(feature = "reports")]
 pub(crate) use table::{Cell, table};
 
-/// The version of the JSON documents that the program prints and that experiments write: it changes when a key changes its name or its meaning.
+/// The version of the JSON documents of the program and of experiments; it changes when a key changes its name or its meaning.
 pub const SCHEMA_VERSION: u32 = 2;
 
 /// Returns a document as JSON text with indents, members in the order of their names.
 ///
 /// # Panics
-/// If a map of the document has keys that are no text.
+/// If a map of the document has keys that are not text.
 #[must_use]
 pub fn pretty(document: &impl Serialize) -> String {
     let value = serde_json::to_value(document).expect("keys are text");

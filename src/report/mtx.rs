@@ -19,13 +19,13 @@ use crate::scene::hash::hexadecimal;
 /// The first line.
 const BANNER: &str = "%%MatrixMarket matrix coordinate real general";
 
-/// A line of a file that was written here is shorter.
+/// The limit of a line's length, which no line written here reaches.
 const LINE_LIMIT: u64 = 1 << 16;
 
 /// Writes F as coordinates: a line `i j F_ij` for every entry that is not zero, i and j from 1, row by row.
 ///
-/// The description stands in comments, with length and checksum of all that follows them. Numbers have the fewest digits that read back
-/// as the same f64. Errors have no place.
+/// The description is in comments, with length and checksum of all that follows. Numbers have the fewest digits that read back
+/// as the same f64. The format has no place for errors.
 pub(super) fn write(writer: &mut dyn Write, factors: &FormFactors, mut description: Description) -> io::Result<()> {
     let mut n_entries = 0_u64;
     for i in 0..factors.n_rows() {
@@ -77,10 +77,10 @@ impl Lines {
         })
     }
 
-    /// Returns the next line without its end, or nothing at the end of the file.
+    /// Returns the next line without its end, or `None` at the end of the file.
     fn next(&mut self) -> Result<Option<&str>, ReportError> {
         self.line.clear();
-        // A file of something else may have no line ends at all.
+        // A file with other content may have no line ends at all.
         let read = io::Read::take(&mut self.reader, LINE_LIMIT).read_line(&mut self.line);
         match read {
             Ok(n) => self.byte += n as u64,
@@ -96,14 +96,14 @@ impl Lines {
     }
 }
 
-/// Returns the text of the description in a file, and its lines from there on.
+/// Returns the text of the description in a file, and the lines after it.
 fn open(path: &Path) -> Result<(String, Lines), ReportError> {
     let mut lines = Lines::open(path)?;
     if lines.next()? != Some(BANNER) {
         return Err(lines.error(format!("it does not begin with `{BANNER}`")));
     }
     let mut text = String::new();
-    // Only comments begin with a percent sign; the first byte tells without a line too many.
+    // Only comments begin with a percent sign, and looking at the first byte consumes no line.
     while lines.reader.fill_buf().is_ok_and(|bytes| bytes.first() == Some(&b'%')) {
         let line = lines.next()?.unwrap_or_default();
         text.push_str(line.trim_start_matches('%'));
@@ -124,7 +124,7 @@ pub(super) struct MtxRows {
     check: FileCheck,
     n: usize,
     n_left: u64,
-    /// An entry that has been read, and belongs to a later row.
+    /// An entry of a later row that has been read ahead.
     ahead: Option<(usize, usize, f64)>,
 }
 
@@ -195,7 +195,7 @@ impl MtxRows {
         })
     }
 
-    /// Checks that all is read, and that it is what was written.
+    /// Checks that all entries are read and match length and checksum.
     pub(super) fn finish(mut self) -> Result<(), ReportError> {
         if self.n_left > 0 || self.ahead.is_some() || self.lines.next()?.is_some() {
             return Err(self.lines.error("it does not have as many entries as it says"));

@@ -1,4 +1,4 @@
-//! The array format of NumPy: a header that says type and shape, then the numbers.
+//! The array format of NumPy: a header with type and shape, then the numbers.
 //!
 //! Format: NumPy enhancement proposal 1, versions 1.0 to 3.0. Departures: arrays are written in C order and little-endian; arrays in
 //! Fortran order, big-endian numbers, and types other than those of [`Dtype`] are refused.
@@ -15,9 +15,9 @@ pub(super) enum Dtype {
     I64,
     I32,
     U64,
-    /// Strings of so many bytes.
+    /// Strings of the given number of bytes.
     Bytes(u64),
-    /// Texts of so many characters.
+    /// Texts of the given number of characters.
     Text(u64),
 }
 
@@ -69,7 +69,7 @@ pub(super) struct Header {
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 
-/// The longest header that is read: one of these arrays takes less than 200 bytes.
+/// The greatest length of a header to read: those of these arrays take less than 200 bytes.
 const HEADER_LIMIT: u32 = 4096;
 
 impl Header {
@@ -84,7 +84,7 @@ impl Header {
         sizes.try_fold(self.dtype.byte(), u64::checked_mul)
     }
 
-    /// Returns the header as it stands before the numbers, padded so that these begin at a multiple of 64 bytes.
+    /// Returns the bytes of the header, padded so that the numbers begin at a multiple of 64 bytes.
     pub(super) fn encode(&self) -> Vec<u8> {
         let sizes: Vec<String> = self.shape.iter().map(u64::to_string).collect();
         // A tuple of one number ends with a comma.
@@ -102,7 +102,7 @@ impl Header {
         [MAGIC, &[1, 0], &length.to_le_bytes(), text.as_bytes()].concat()
     }
 
-    /// Reads a header and returns its length in bytes with it; the error says what is wrong.
+    /// Reads a header, and returns it with its length in bytes; an error describes the fault.
     pub(super) fn read(reader: &mut impl Read) -> Result<(Self, u64), String> {
         let mut fill = |bytes: &mut [u8]| reader.read_exact(bytes).map_err(|e| format!("no array header: {e}"));
         let mut start = [0; 8];
@@ -129,7 +129,7 @@ impl Header {
         let mut text = vec![0; length as usize];
         fill(&mut text)?;
         let text = String::from_utf8(text).map_err(|_| "an array header that is no text")?;
-        // Of what may be anything, as much as fits a line.
+        // Arbitrary content is cut to the length of a line.
         let shown = || printable(&text.trim().chars().take(100).collect::<String>());
         let header = Self::parse(&text);
         let header = header.ok_or_else(|| format!("the array header `{}`, not of little-endian rows", shown()))?;
@@ -155,7 +155,7 @@ impl Header {
     }
 }
 
-/// Numbers as they stand in an array.
+/// A type of numbers in arrays.
 pub(super) trait Element: Copy {
     const DTYPE: Dtype;
     /// Adds the number's little-endian bytes.
@@ -175,7 +175,7 @@ macro_rules! element {
 
 element! { f64, F64; f32, F32; i64, I64; i32, I32; u64, U64; }
 
-/// Appends numbers of type `dtype`, read from their bytes, to `numbers`; returns false if it is no type of real numbers.
+/// Appends numbers of type `dtype`, read from their bytes, to `numbers`; returns false if it is not a type of real numbers.
 pub(super) fn push_reals(dtype: Dtype, bytes: &[u8], numbers: &mut Vec<f64>) -> bool {
     match dtype {
         Dtype::F64 => numbers.extend(bytes.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b))),
@@ -185,7 +185,7 @@ pub(super) fn push_reals(dtype: Dtype, bytes: &[u8], numbers: &mut Vec<f64>) -> 
     true
 }
 
-/// Appends numbers of type `dtype`, read from their bytes, to `numbers`; returns false if it is no type of whole numbers,
+/// Appends numbers of type `dtype`, read from their bytes, to `numbers`; returns false if it is not a type of whole numbers,
 /// or one of them is negative.
 pub(super) fn push_counts(dtype: Dtype, bytes: &[u8], numbers: &mut Vec<u64>) -> bool {
     let before = numbers.len();
@@ -208,7 +208,7 @@ pub(super) fn push_counts(dtype: Dtype, bytes: &[u8], numbers: &mut Vec<u64>) ->
 mod tests {
     use super::*;
 
-    /// The fuzzer found this one.
+    /// A case that the fuzzer found.
     #[test]
     fn a_header_of_many_lines_is_told_in_one() {
         let text = format!("{{'descr',\n\r\u{7}{}", "x".repeat(500));

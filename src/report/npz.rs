@@ -1,4 +1,4 @@
-//! NumPy's archive of arrays: a ZIP file with one uncompressed array a member.
+//! NumPy's archive of arrays: a ZIP file with one uncompressed array per member.
 //!
 //! Every member has its length and CRC-32, which are checked when it is read.
 
@@ -22,13 +22,13 @@ pub(super) struct NpzWriter<W: Write + Seek> {
     zip: ZipWriter<Fused<W>>,
 }
 
-/// A writer that fails once: what comes after its first error is taken in and lost.
+/// A writer that fails once and ignores all data after its first error.
 ///
-/// An archive that is dropped after an error still tries to end itself, and would print if that failed too.
+/// An archive that is dropped after an error still tries to finish, and would print a message if that failed too.
 struct Fused<W> {
     writer: W,
     failed: bool,
-    /// Where it would stand, and where it would end, had it not failed.
+    /// Its position and its end, had it not failed.
     place: u64,
     end: u64,
 }
@@ -122,7 +122,7 @@ impl<W: Write + Seek> NpzWriter<W> {
         self.numbers("surface", &[n], &surfaces.collect::<Vec<_>>())
     }
 
-    /// Adds an array of numbers that are in memory.
+    /// Adds an array of numbers in memory.
     pub(super) fn numbers<T: Element>(&mut self, name: &str, shape: &[usize], numbers: &[T]) -> io::Result<()> {
         let shape: Vec<u64> = shape.iter().map(|&n| n as u64).collect();
         self.array(name, &Header::new(T::DTYPE, &shape), |writer| {
@@ -153,7 +153,7 @@ impl<W: Write + Seek> NpzWriter<W> {
         })
     }
 
-    /// Adds a member that is no array.
+    /// Adds a member that is not an array.
     pub(super) fn bytes(&mut self, name: &str, bytes: &[u8]) -> io::Result<()> {
         self.begin(name, bytes.len() as u64)?;
         self.zip.write_all(bytes)
@@ -164,7 +164,7 @@ impl<W: Write + Seek> NpzWriter<W> {
         Ok(())
     }
 
-    /// Begins a member of `byte` bytes. Time and system are fixed, so that equal content gives equal bytes.
+    /// Begins a member of `byte` bytes; fixed time and system make equal content give equal bytes.
     fn begin(&mut self, name: &str, byte: u64) -> io::Result<()> {
         let options = SimpleFileOptions::default()
             .compression_method(CompressionMethod::Stored)
@@ -220,7 +220,7 @@ impl Archive {
         Array::begin(self.member(&format!("{name}.npy"))?)
     }
 
-    /// Returns the bytes of a member that is no array, or `None` if there is none of this name.
+    /// Returns the bytes of a member that is not an array, or `None` if there is none of this name.
     pub(super) fn bytes(&mut self, name: &str) -> Result<Option<Vec<u8>>, ReportError> {
         if self.zip.index_for_name(name).is_none() {
             return Ok(None);
@@ -244,7 +244,7 @@ impl Archive {
         Ok(bytes)
     }
 
-    /// Opens a member on a file handle of its own, so that several can be read side by side.
+    /// Opens a member on a file handle of its own, so that several can be read in parallel.
     fn member(&mut self, name: &str) -> Result<Member, ReportError> {
         let damaged = |reason: String| member_error(&self.path, name, reason);
         let index = self.zip.index_for_name(name).ok_or_else(|| damaged("missing".into()))?;
@@ -281,7 +281,7 @@ impl Archive {
     }
 }
 
-/// Reads `byte` bytes from where a file stands.
+/// Returns a reader of `byte` bytes from the file's position.
 fn buffered(file: File, byte: u64) -> BufReader<Take<File>> {
     const CAPACITY: usize = 1 << 20;
     let capacity = usize::try_from(byte).map_or(CAPACITY, |byte| byte.min(CAPACITY));
@@ -342,7 +342,7 @@ impl Member {
     }
 }
 
-/// Returns a text of four bytes a character, without the zeros that fill it up; `None` for numbers that are no characters.
+/// Returns a text of four bytes per character, without trailing zeros; `None` if a number is not a character.
 fn decoded(bytes: &[u8]) -> Option<String> {
     let characters = bytes
         .as_chunks()
@@ -360,7 +360,7 @@ pub(super) struct Array {
 }
 
 impl Array {
-    /// Opens the array of a `.npy` file, whose length and checksum are known from elsewhere.
+    /// Opens the array of a `.npy` file, whose length and checksum are given.
     pub(super) fn open_npy(path: &Path, expected: &FileCheck) -> Result<Self, ReportError> {
         let unreadable = |source| ReportError::unreadable(path, source);
         let file = input_file::open(path).map_err(unreadable)?;
@@ -388,7 +388,7 @@ impl Array {
         Ok(Self { header, member })
     }
 
-    /// Refuses another shape than the one expected.
+    /// Refuses another shape than the expected one.
     pub(super) fn expect_shape(&self, shape: &[u64]) -> Result<(), ReportError> {
         if self.header.shape == shape {
             return Ok(());
@@ -434,7 +434,7 @@ impl Array {
         let byte = (n as u64)
             .checked_mul(dtype.byte())
             .filter(|&byte| byte <= self.member.left);
-        // What the file holds has been checked against its length, so that nothing larger is allocated.
+        // The stated size has been checked against the file's length, so nothing larger is allocated.
         let Some(byte) = byte.and_then(|byte| usize::try_from(byte).ok()) else {
             return Err(self.error("it ends too soon"));
         };
@@ -448,7 +448,7 @@ impl Array {
         }
     }
 
-    /// Checks that all is read, and that it is what was written.
+    /// Checks that all bytes are read and match the checksum.
     pub(super) fn finish(self) -> Result<(), ReportError> {
         self.member.finish()
     }

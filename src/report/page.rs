@@ -1,4 +1,4 @@
-//! A report as one web page: text, tables, plots and pictures in a single file that asks for nothing else.
+//! A report as one self-contained web page: text, tables, plots and images in a single file.
 
 use std::fmt::Write as _;
 
@@ -10,12 +10,12 @@ use sha2::{Digest as _, Sha256};
 
 use super::{Machine, mark};
 
-/// A picture of a page.
+/// An image of a page.
 #[derive(Clone, Copy, Debug)]
 pub struct Figure<'a> {
-    /// The name of the file that holds the picture too; its ending, `.svg` or `.png`, says what it is.
+    /// The name of the file of the image too; its ending, `.svg` or `.png`, is its format.
     pub name: &'a str,
-    /// That file.
+    /// The content of that file.
     pub content: &'a [u8],
 }
 
@@ -24,9 +24,9 @@ pub struct Figure<'a> {
 pub struct Page<'a> {
     /// The title of the browser's window.
     pub title: &'a str,
-    /// The text in Markdown with tables (GitHub's dialect). HTML in it is shown as it is written.
+    /// The text in Markdown with tables (GitHub's dialect); HTML in it is shown literally.
     pub report: &'a str,
-    /// The plots and pictures, shown before the first section of the text.
+    /// The plots and images, shown before the first section of the text.
     pub figures: Vec<Figure<'a>>,
     /// The program and its settings.
     pub settings: &'a Value,
@@ -34,17 +34,17 @@ pub struct Page<'a> {
     pub machine: &'a Machine,
 }
 
-/// Nothing is loaded: a browser that honours this policy sends no request, and runs no script but [`SCRIPT`].
+/// The policy against loading: a browser that honours it sends no request, and runs no script but [`SCRIPT`].
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src";
 
 const STYLE: &str = include_str!("page.css");
-/// It sorts tables; without it the page is complete.
+/// The script that sorts tables; the page is complete without it.
 const SCRIPT: &str = include_str!("page.js");
 
 impl Page<'_> {
-    /// Returns the page as HTML 5. It follows the browser's light or dark theme, fits narrow screens (wide tables scroll by themselves), and prints in black on white.
+    /// Returns the page as HTML 5; equal input gives equal bytes.
     ///
-    /// Equal input gives equal bytes.
+    /// It follows the browser's light or dark theme, fits narrow screens (wide tables scroll separately), and prints in black on white.
     #[must_use]
     pub fn to_html(&self) -> String {
         let mut page = String::new();
@@ -75,7 +75,7 @@ impl Page<'_> {
         page
     }
 
-    /// Returns the names that the plots show, each once with the number of its colour and mark.
+    /// Returns the names in the plots, each once with the number of its colour and mark.
     fn marks(&self) -> Vec<(&str, usize)> {
         let mut marks: Vec<(&str, usize)> = Vec::new();
         let plots = self.figures.iter().filter_map(svg);
@@ -91,15 +91,16 @@ impl Page<'_> {
         marks
     }
 
-    /// Returns the text as HTML. Headers of tables are buttons that sort by their column, names of the plots have their marks, and wide tables can be
-    /// scrolled with the keyboard.
+    /// Returns the text as HTML.
+    ///
+    /// Headers of tables are buttons that sort by their column, names of the plots have their marks, and wide tables scroll with the keyboard.
     fn report_body(&self) -> String {
         let marks = self.marks();
         let events = Parser::new_ext(self.report, Options::ENABLE_TABLES);
-        // A report is text: what looks like markup is not meant so.
+        // A report is plain text: apparent markup is not meant as such.
         let as_text = events.map(|event| match event {
             Event::Html(text) | Event::InlineHtml(text) => Event::Text(text),
-            // Its alternative text stays.
+            // The alternative text of an image stays.
             Event::Start(Tag::Image { .. }) | Event::End(TagEnd::Image) => Event::Text("".into()),
             other => other,
         });
@@ -116,7 +117,7 @@ impl Page<'_> {
             let (before, after) = match &event {
                 Event::Start(Tag::TableCell) if is_head => (None, Some(markup("<button type=\"button\">".to_owned()))),
                 Event::End(TagEnd::TableCell) if is_head => (Some(markup("</button>".to_owned())), None),
-                // A setting may follow in brackets.
+                // A setting may follow the name in brackets.
                 Event::Text(text) if is_cell && !is_head => {
                     let name = escaped(text.split(" (").next().unwrap_or_default());
                     let own = marks.iter().find(|(known, _)| *known == name);
@@ -164,7 +165,7 @@ impl Page<'_> {
     }
 }
 
-/// Adds the list of marks: on a narrow screen the legend of a plot is out of sight.
+/// Adds the list of marks, as a narrow screen does not show the legend of a plot.
 fn push_key(page: &mut String, marks: &[(&str, usize)]) {
     if marks.is_empty() {
         return;
@@ -176,7 +177,7 @@ fn push_key(page: &mut String, marks: &[(&str, usize)]) {
     page.push_str("</ul>\n");
 }
 
-/// Adds a plot as it is, any other picture as data. The style sheet gives plots the page's colours.
+/// Adds a plot as SVG, any other image as data; the style sheet gives plots the page's colours.
 fn push_figure(page: &mut String, figure: &Figure<'_>) {
     let name = escaped(figure.name);
     let words = words_of(&name);
@@ -198,19 +199,19 @@ fn push_figure(page: &mut String, figure: &Figure<'_>) {
     let _ = writeln!(page, "<figcaption>{}</figcaption>\n</figure>", sentence.trim());
 }
 
-/// Returns the text of a plot, or `None` for another picture.
+/// Returns the text of a plot, or `None` for another image.
 fn svg<'a>(figure: &Figure<'a>) -> Option<&'a str> {
     let text = std::str::from_utf8(figure.content).ok();
     text.filter(|_| has_ending(figure.name, "svg"))
 }
 
-/// Returns the text from the first `start` to the `end` behind it.
+/// Returns the text between the first `start` and the next `end`.
 fn between<'a>(text: &'a str, start: &str, end: &str) -> Option<&'a str> {
     let (_, rest) = text.split_once(start)?;
     rest.split_once(end).map(|(inner, _)| inner)
 }
 
-/// Returns the name of a file in words: without its ending, with blanks between the words.
+/// Returns the name of a file in words: without its ending, separated by blanks.
 fn words_of(name: &str) -> String {
     let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
     let words = stem.replace(['-', '_'], " ");
@@ -339,7 +340,7 @@ mod tests {
         assert!(html.contains("<svg role=\"img\" aria-label=\"A plot\" width=\"1\""));
         assert!(html.contains("data:image/png;base64,iVBORw=="));
         assert!(html.contains("<figcaption>B is the image in <code>b.png</code>.</figcaption>"));
-        // Pictures of other places are left out; what is left is data.
+        // External images are left out, so all are data.
         assert!(
             html.matches("src=\"").count() == html.matches("src=\"data:").count(),
             "{html}"

@@ -7,15 +7,15 @@ use plotters::prelude::{DrawingBackend, SVGBackend};
 use plotters_backend::text_anchor::{HPos, VPos};
 use plotters_backend::{BackendColor, BackendCoord, BackendStyle, BackendTextStyle, DrawingErrorKind, FontStyle};
 
-/// Width of a plot in its unit of length, the pixel of an SVG.
+/// The width of a plot in its unit of length, the pixel of an SVG.
 pub(super) const WIDTH: u32 = 960;
 /// Height of a plot.
 pub(super) const HEIGHT: u32 = 600;
-/// Pixels of a PNG to the unit of length.
+/// The pixels of a PNG per unit of length.
 const SCALE: usize = 2;
-/// Samples along a side of a pixel: edges are smooth.
+/// The samples along a side of a pixel, for smooth edges.
 const SAMPLES: usize = 2;
-/// Samples to the unit of length.
+/// The samples per unit of length.
 const FINE: usize = SCALE * SAMPLES;
 const COLUMNS: usize = WIDTH as usize * FINE;
 const ROWS: usize = HEIGHT as usize * FINE;
@@ -24,9 +24,9 @@ type Result = std::result::Result<(), DrawingErrorKind<io::Error>>;
 
 /// A sheet for the drawing library.
 pub(super) enum Paper<'a> {
-    /// Becomes SVG.
+    /// An SVG.
     Svg(SVGBackend<'a>),
-    /// Becomes pixels.
+    /// Pixels.
     Pixels(&'a mut Canvas),
 }
 
@@ -75,14 +75,14 @@ impl Canvas {
         }
     }
 
-    /// Blends each sample in the box around `points`, `margin` wider, that is inside.
+    /// Blends each sample that is inside, within the box around `points` extended by `margin`.
     fn fill(&mut self, points: &[BackendCoord], margin: f64, color: BackendColor, inside: impl Fn(f64, f64) -> bool) {
         for k in samples(points, margin, inside) {
             self.blend(k, color);
         }
     }
 
-    /// Draws a line through points; where it crosses itself it is no darker.
+    /// Draws a line through points, no darker where it crosses itself.
     fn stroke<S: BackendStyle>(&mut self, points: &[BackendCoord], style: &S) {
         let half = 0.5 * f64::from(style.stroke_width());
         let on_line = |ends: &[BackendCoord]| {
@@ -105,7 +105,7 @@ impl Canvas {
         }
     }
 
-    /// Draws text as browsers draw that of an SVG, with its size, its anchor and its baseline.
+    /// Draws text with the size, the anchor and the baseline that a browser gives that of an SVG.
     fn text<S: BackendTextStyle>(&mut self, text: &str, style: &S, pos: BackendCoord) -> Result {
         let bytes = match style.style() {
             FontStyle::Bold => dejavu::sans::bold(),
@@ -160,7 +160,7 @@ fn centre((x, y): BackendCoord) -> (f64, f64) {
     (f64::from(x), f64::from(y))
 }
 
-/// Returns the samples that are inside, of those in the box around `points`, `margin` wider.
+/// Returns the samples that are inside, within the box around `points` extended by `margin`.
 fn samples(points: &[BackendCoord], margin: f64, inside: impl Fn(f64, f64) -> bool) -> Vec<usize> {
     let range = |value: fn(&BackendCoord) -> i32, n: usize| {
         let values = || points.iter().map(|p| f64::from(value(p)));

@@ -1,4 +1,4 @@
-//! Plots as SVG and PNG: error against run time, both logarithmic.
+//! Plots of error against run time as SVG and PNG, with logarithmic axes.
 
 use plotters::element::{Circle, EmptyElement, PathElement};
 use plotters::prelude::Color;
@@ -8,19 +8,19 @@ use super::frame::{self, Area, DrawResult, Frame, GREY, axes, dashes, faint_line
 use super::log_axis::LogAxis;
 use super::mark::{colour, mark};
 
-/// A measured value with the range in which repeated measurements lay.
+/// A measured value with the range of repeated measurements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ranged {
     /// The marked value: the median.
     pub middle: f64,
-    /// The least value measured.
+    /// The least measured value.
     pub low: f64,
-    /// The greatest value measured.
+    /// The greatest measured value.
     pub high: f64,
 }
 
 impl Ranged {
-    /// Returns a value that was measured once.
+    /// Returns a value of a single measurement.
     #[must_use]
     pub fn exactly(value: f64) -> Self {
         Self {
@@ -38,7 +38,7 @@ impl Ranged {
 /// One setting of a method.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlotPoint {
-    /// The setting in words; a browser shows it where the mouse rests.
+    /// The setting in words, which a browser shows under the mouse.
     pub setting: String,
     /// Run time, s.
     pub time_s: Ranged,
@@ -64,13 +64,13 @@ pub struct Series {
 pub struct ErrorTimePlot {
     /// The heading.
     pub title: String,
-    /// A line below the heading: what was measured how.
+    /// A line below the heading, with the quantity and the conditions.
     pub subtitle: String,
     /// The name of the error.
     pub error_label: String,
     /// The methods.
     pub series: Vec<Series>,
-    /// The error below which the reference itself is not known; drawn as a line.
+    /// The error of the reference, drawn as a line.
     pub reference_error: Option<f64>,
 }
 
@@ -80,8 +80,8 @@ const RING: i32 = 9;
 impl ErrorTimePlot {
     /// Draws the plot: bars span the least and the greatest measurement, rings and the dashed line mark the Pareto front.
     ///
-    /// Values that are not positive have no place on a logarithmic axis: a point whose middle is none is left out, a bar ends at the axis.
-    /// The legend explains bars, rings and lines where there are some. Equal input gives equal bytes.
+    /// Values that are not positive have no place on a logarithmic axis: a point without a positive middle is left out, and a bar ends at the axis.
+    /// The legend explains bars, rings and lines if there are any. Equal input gives equal bytes.
     ///
     /// # Errors
     /// [`PlotError`] if the drawing library fails.
@@ -98,7 +98,7 @@ impl ErrorTimePlot {
         frame::to_svg(&self.title, &self.subtitle, &description, |frame| self.draw(frame))
     }
 
-    /// Draws the same as a PNG, two pixels to the unit of length of the SVG.
+    /// Draws the plot as a PNG, two pixels to the unit of length of the SVG.
     ///
     /// # Errors
     /// [`PlotError`] if the drawing library fails.
@@ -106,7 +106,7 @@ impl ErrorTimePlot {
         frame::to_png(&self.title, &self.subtitle, |frame| self.draw(frame))
     }
 
-    /// Returns all points that have a place.
+    /// Returns all points that have a place on the axes.
     fn points(&self) -> impl Iterator<Item = &PlotPoint> {
         self.series.iter().flat_map(|s| &s.points).filter(|p| has_place(p))
     }
@@ -125,7 +125,7 @@ impl ErrorTimePlot {
         }
         let mut best: Vec<(f64, f64)> = self.points().filter(|p| p.on_front).map(middle).collect();
         best.sort_by(|a, b| a.0.total_cmp(&b.0));
-        // More time is needed before less error can be had: the front is a staircase.
+        // The front is a staircase: more time is needed before the error decreases.
         let steps = best.windows(2).flat_map(|pair| [pair[0], (pair[1].0, pair[0].1)]);
         let front: Vec<(f64, f64)> = steps.chain(best.last().copied()).collect();
         let front = plotters::series::DashedLineSeries::new(front, 7, 5, GREY.stroke_width(2));
@@ -182,7 +182,7 @@ impl ErrorTimePlot {
     }
 }
 
-/// Returns the value, and where there is one its range.
+/// Returns the value as text, with its range if there is one.
 fn shown_value(value: Ranged) -> String {
     let Ranged { middle, low, high } = value;
     if value.has_range() {

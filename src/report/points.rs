@@ -1,7 +1,8 @@
-//! Files of free points: those to look from, and what they see.
+//! Files of free points, and of the views from them.
 //!
-//! Points are read from a table with the columns `x`, `y`, `z` in m and, where they face one way, `nx`, `ny`, `nz`, in any order; other columns are passed over, lines that begin with `#` too. What they see has
-//! a row for each, `.csv` or `.npz`: `row`, `status`, `F_NAME` and `F_NAME_error` of every surface, `F_surroundings`, `F_backs`, and with boundary conditions what arrives, each with its error.
+//! Points are read from a table with the columns `x`, `y`, `z` in m and, for directed points, `nx`, `ny`, `nz`, in any order; other columns are ignored, as are lines that begin with `#`. Results have
+//! a row for each point, as `.csv` or `.npz`: `row`, `status`, `F_NAME` and `F_NAME_error` of every surface, `F_surroundings`, `F_backs`, and with boundary conditions the irradiances, each with its
+//! error.
 
 use std::io::{self, Seek, Write};
 use std::path::Path;
@@ -26,7 +27,7 @@ const NORMAL: [&str; 3] = ["nx", "ny", "nz"];
 /// Reads points from a table.
 ///
 /// # Errors
-/// [`ReportError::Unreadable`], and [`ReportError::BadTable`] with the line of what is no such table, no finite number, or a normal without a length.
+/// [`ReportError::Unreadable`], and [`ReportError::BadTable`] with the line for text that is no such table, a number that is not finite, or a normal without a length.
 pub fn read(path: &Path) -> Result<Vec<PointQuery>, ReportError> {
     let file = TextFile::read(path, "bad_points")?;
     let table = file.table("x,y,z")?;
@@ -58,7 +59,7 @@ pub fn read(path: &Path) -> Result<Vec<PointQuery>, ReportError> {
 /// Columns of numbers, each with its name.
 type Columns = Vec<(String, Vec<f64>)>;
 
-/// Returns what points see as columns of numbers.
+/// Returns the views from points as columns of numbers.
 fn columns(scene: &Scene, views: &[PointView]) -> Columns {
     let mut columns = Columns::new();
     let mut add = |name: &str, value: &dyn Fn(&PointView) -> Stated| {
@@ -94,7 +95,7 @@ fn columns(scene: &Scene, views: &[PointView]) -> Columns {
     columns
 }
 
-/// Writes what points see to `path`, whole or not at all, in the format that its ending names; `settings`: how it was computed.
+/// Writes the views from points to `path`, atomically, in the format of its ending; `settings` are those of the computation.
 ///
 /// # Errors
 /// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`].
@@ -112,7 +113,7 @@ pub fn write(
     })
 }
 
-/// Writes what points see as a table.
+/// Writes the views from points as a table.
 ///
 /// # Errors
 /// Errors of the writer.

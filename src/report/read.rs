@@ -1,4 +1,4 @@
-//! Form factors read back from a file, for the patches that they belong to.
+//! Reads form factors from a file, for the patches to which they belong.
 
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -16,7 +16,7 @@ use crate::matrix::{
 };
 use crate::mesh::Mesh;
 
-/// A file of form factors whose description has been read.
+/// A file of form factors with its description.
 #[derive(Clone, Debug)]
 pub struct FormFactorFile {
     path: PathBuf,
@@ -24,7 +24,7 @@ pub struct FormFactorFile {
 }
 
 impl FormFactorFile {
-    /// Opens a `.npz`, `.npy` or `.mtx` file that [`FormFactorReport::write`](super::form_factors::FormFactorReport::write) wrote, and reads its description.
+    /// Opens a `.npz`, `.npy` or `.mtx` file of [`FormFactorReport::write`](super::form_factors::FormFactorReport::write), and reads its description.
     ///
     /// # Errors
     /// [`ReportError::Unreadable`], [`ReportError::Damaged`], [`ReportError::NoDescription`] for a file of another program,
@@ -73,7 +73,7 @@ impl FormFactorFile {
         &self.path
     }
 
-    /// Returns what the file says about itself.
+    /// Returns the description of the file.
     #[must_use]
     pub fn description(&self) -> &Description {
         &self.description
@@ -87,19 +87,19 @@ impl FormFactorFile {
 
     /// Reads the form factors of a mesh.
     ///
-    /// Accuracy: form factors that are not symmetric come back to the last bit. Of symmetric ones the exchange areas do to 3 units in
-    /// the last place: they are the upper triangle of F times the areas. A `.npy` file has neither errors nor tallies of rays: they
-    /// come back as unknown. Nor has a `.mtx` file.
+    /// Accuracy: form factors that are not symmetric are restored to the last bit. For symmetric ones, whose exchange areas are the upper triangle of F times the areas, the exchange areas are
+    /// restored to 3 units in the last place. A `.npy` or `.mtx` file has neither errors nor tallies of rays: both are then unknown.
     ///
     /// # Errors
-    /// [`ReportError::OtherGeometry`] unless the mesh has the patches that the form factors were computed for; [`ReportError::Damaged`] and
-    /// [`ReportError::Matrix`] if the file is cut off, changed, contradicts itself, or holds what can be no form factor.
+    /// [`ReportError::OtherGeometry`] unless the mesh has the patches of the form factors; [`ReportError::Damaged`] and
+    /// [`ReportError::Matrix`] if the file is cut off, changed, contradicts itself, or holds numbers that are not form factors.
     pub fn read(&self, mesh: &Mesh) -> Result<FormFactors, ReportError> {
         self.read_into(mesh, StorageChoice::default())
     }
 
-    /// Reads the form factors of a mesh as [`read`](Self::read) does, and keeps them as `storage` says: a few rows at a time, so that what
-    /// goes to a disk never is in memory as a whole. No more digits are kept than the file has.
+    /// Reads the form factors of a mesh as [`read`](Self::read) does, and stores them in `storage`, with no more digits than the file has.
+    ///
+    /// It reads a few rows at a time, so a matrix on a disk is never in memory as a whole.
     ///
     /// # Errors
     /// As [`read`](Self::read), and [`ReportError::Scratch`].
@@ -146,7 +146,7 @@ impl FormFactorFile {
             if let Some(error) = failure {
                 return Err(in_file(error));
             }
-            // Where they were not taken in, the rest of the file has not been read.
+            // After a failure, the rest of the file has not been read.
             let factors = factors.map_err(|error| in_file(error.into()))?;
             rows.finish()?;
             return Ok(with_bounds(factors));
@@ -163,7 +163,7 @@ impl FormFactorFile {
             .map_err(|error| in_file(MatrixError::from(error).into()))
     }
 
-    /// Reads the number of points along each side of a patch that its rays start from, if there is any.
+    /// Reads the number of points along each side of a patch from which its rays start, if there is one.
     fn points(&self, has_open: bool) -> Result<Option<NonZeroUsize>, ReportError> {
         if !has_open {
             return Ok(None);
@@ -173,7 +173,7 @@ impl FormFactorFile {
         let mut found = Vec::new();
         array.next_counts(1, &mut found)?;
         array.finish()?;
-        // More than a method takes would be a rule without end.
+        // A number beyond the limit of the method would make an endless rule.
         match found[..] {
             [0] => Ok(None),
             [q] if q <= 256 => Ok(usize::try_from(q).ok().and_then(NonZeroUsize::new)),
@@ -280,7 +280,9 @@ impl FormFactorFile {
         Ok(tallies)
     }
 
-    /// Refuses a file whose lower triangle says something else than the upper, from which `factors` were made: each rank compares its own rows. Collective.
+    /// Refuses a file whose lower triangle contradicts the upper, from which `factors` were made.
+    ///
+    /// Each rank compares its own rows; a collective call.
     fn expect_symmetric(&self, mut rows: Rows, factors: &FormFactors) -> Result<(), ReportError> {
         let n = factors.n_rows();
         let (unit, least) = match factors.storage().precision {
@@ -302,7 +304,7 @@ impl FormFactorFile {
             factors.for_each_in_row(i, |j, value, _| expected[j] = value);
             for &(j, value, _) in tile.row(0) {
                 expected[j as usize] -= value;
-                // Three roundings on the way from the upper triangle, and two on the way to the lower.
+                // Three roundings lead from the upper triangle, and two to the lower.
                 if expected[j as usize].abs() <= 4.0 * unit * value.abs() + least {
                     expected[j as usize] = 0.0;
                 }
@@ -318,7 +320,7 @@ impl FormFactorFile {
         rows.finish()
     }
 
-    /// Returns bytes that are others where the file holds other numbers: its description and the checksums that reading it compares.
+    /// Returns bytes that identify the numbers of the file: its description and the checksums that are compared on reading.
     ///
     /// # Errors
     /// [`ReportError`] if the file cannot be read.
@@ -331,7 +333,7 @@ impl FormFactorFile {
     }
 }
 
-/// Returns the description in an archive, if there is one; files of older programs have it as a member that is no array.
+/// Returns the description in an archive, if there is one; files of older programs have it as a member that is not an array.
 fn archived_description(archive: &mut Archive) -> Result<Option<Vec<u8>>, ReportError> {
     if !archive.has("meta") {
         return archive.bytes("meta.json");
@@ -358,7 +360,7 @@ fn description(path: &Path, text: &[u8]) -> Result<Description, ReportError> {
     Description::from_json(value).map_err(damaged)
 }
 
-/// An error while rows become a matrix.
+/// An error while a matrix is made of rows.
 enum Failure {
     Report(ReportError),
     Matrix(MatrixError),
@@ -376,23 +378,23 @@ impl From<ReportError> for Failure {
     }
 }
 
-/// The rows of F and their standard errors, read side by side.
+/// The rows of F and their standard errors, read in parallel.
 struct Rows {
     source: Source,
     n: usize,
     buffer: [Vec<f64>; 2],
     columns: Vec<u64>,
-    /// True if entries of 0 are those that no ray hit: their errors are known without being stored.
+    /// True if entries of 0 are those that no ray hit, whose errors follow without being stored.
     skips_open: bool,
 }
 
-/// Where rows come from.
+/// The source of rows.
 #[expect(clippy::large_enum_variant, reason = "there is one of them at a time")]
 enum Source {
     Arrays {
         values: Array,
         errors: Option<Array>,
-        /// For sparse rows: the columns of the entries, and where each row begins.
+        /// The columns of the entries and the start of each row, for sparse rows.
         sparse: Option<(Array, Vec<u64>)>,
     },
     Text(MtxRows),
@@ -462,7 +464,7 @@ impl Rows {
         }
     }
 
-    /// Reads the next rows, which are `range`, and keeps the entries that `keep(i, j)` names.
+    /// Reads the next rows, which are `range`, with the entries for which `keep(i, j)` is true.
     fn tile(
         &mut self,
         range: std::ops::Range<usize>,

@@ -1,11 +1,11 @@
-//! Files of patches at many times, written block by block.
+//! Writes files of patches at many times, block by block.
 //!
 //! | ending | content | for |
 //! |---|---|---|
 //! | `.npz` | `time` \[k\], `time_text` \[k\]; each quantity \[k, n\] or \[k, n, c\], those that do not change \[n\] or \[n, c\]; `area`, `surface` \[n\], `centroid` \[n, 3\]; `meta.json` | NumPy |
 //! | `.pvd`, `.vtu` | `NAME.pvd`, which lists the times, and beside it `NAME-0000.vtu` and so on, a file for each time, with the time as `TimeValue` | ParaView, PyVista |
 //!
-//! Until all is there, values lie in a scratch file beside the output: memory does not grow with the number of times.
+//! Until all blocks are written, values are in a scratch file beside the output: memory does not grow with the number of times.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
@@ -22,15 +22,15 @@ use crate::mesh::Mesh;
 use crate::scene::Scene;
 use crate::whole_file;
 
-/// Numbers copied at once.
+/// The number of values copied at once.
 const AT_ONCE: usize = 1 << 16;
 
-/// Values of every patch.
+/// A quantity with a value for every patch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SeriesQuantity {
     /// Its name.
     pub name: String,
-    /// The numbers of one patch at one time: none for one number, else c.
+    /// The numbers of one patch at one time: `None` for a single number, else c.
     pub channels: Option<usize>,
     /// The values, time by time, patch by patch.
     #[serde(skip)]
@@ -42,9 +42,9 @@ pub struct SeriesQuantity {
 pub struct SeriesBlock {
     /// The number of times.
     pub n_steps: usize,
-    /// The values that change, at these times.
+    /// The values that vary, at these times.
     pub quantities: Vec<SeriesQuantity>,
-    /// The values that stay the same.
+    /// The values that do not vary.
     pub constants: Vec<SeriesQuantity>,
 }
 
@@ -55,7 +55,7 @@ enum Format {
     Vtu,
 }
 
-/// The things that a series belongs to.
+/// The data common to a series.
 #[derive(Clone, Copy, Debug)]
 pub struct SeriesReport<'a> {
     /// The scene.
@@ -64,11 +64,11 @@ pub struct SeriesReport<'a> {
     pub mesh: &'a Mesh,
     /// The times.
     pub times: &'a [f64],
-    /// The same as texts.
+    /// The times as texts.
     pub time_texts: &'a [String],
     /// The unit of the times.
     pub time_unit: &'a str,
-    /// How it was computed: no time, path or number of threads.
+    /// The settings of the computation: no time, path or number of threads.
     pub settings: &'a Map<String, Value>,
 }
 
@@ -85,15 +85,15 @@ struct SeriesDescription<'a> {
     settings: &'a Map<String, Value>,
 }
 
-/// Takes blocks, and writes the file of all of them.
+/// Receives blocks, and writes the file of all of them.
 #[derive(Debug)]
 pub struct SeriesWriter {
     path: PathBuf,
     format: Format,
     scratch: File,
-    /// Where the values of each block begin in the scratch file, and its number of times.
+    /// The start of each block's values in the scratch file, and its number of times.
     blocks: Vec<(u64, usize)>,
-    /// Without values.
+    /// The quantities, without values.
     quantities: Vec<SeriesQuantity>,
     constants: Vec<SeriesQuantity>,
 }
@@ -119,7 +119,7 @@ impl SeriesQuantity {
         }
     }
 
-    /// Returns the numbers of one time.
+    /// Returns the number of values at one time.
     fn width(&self, n_patches: usize) -> usize {
         n_patches * self.channels.unwrap_or(1)
     }
@@ -132,19 +132,19 @@ impl SeriesQuantity {
 }
 
 impl SeriesBlock {
-    /// Returns what changes, then what does not.
+    /// Returns the quantities that vary, then the others.
     pub(crate) fn all(&self) -> impl Iterator<Item = &SeriesQuantity> {
         self.quantities.iter().chain(&self.constants)
     }
 
-    /// Returns the same for writing.
+    /// Returns the same quantities for writing.
     pub(crate) fn all_mut(&mut self) -> impl Iterator<Item = &mut SeriesQuantity> {
         self.quantities.iter_mut().chain(&mut self.constants)
     }
 }
 
 impl SeriesWriter {
-    /// Begins a series in the format that the ending of `path` names.
+    /// Begins a series in the format of the ending of `path`.
     ///
     /// # Errors
     /// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`].
@@ -162,7 +162,7 @@ impl SeriesWriter {
         })
     }
 
-    /// Returns the file that names all others: that of `path`, `NAME.pvd` for `NAME.vtu`.
+    /// Returns the main file: that of `path`, or `NAME.pvd` for `NAME.vtu`.
     ///
     /// # Errors
     /// [`ReportError::UnknownFormat`].
@@ -173,10 +173,10 @@ impl SeriesWriter {
         })
     }
 
-    /// Takes the next block.
+    /// Stores the next block.
     ///
     /// # Errors
-    /// [`ReportError::Unwritable`] where there is no room for it.
+    /// [`ReportError::Unwritable`] if there is no space for it.
     pub fn push(&mut self, block: &SeriesBlock) -> Result<(), ReportError> {
         let without_values = |own: &SeriesQuantity| SeriesQuantity {
             values: Vec::new(),
@@ -194,7 +194,7 @@ impl SeriesWriter {
         written.map_err(|source| unwritable(&self.path, source))
     }
 
-    /// Writes the file, or files, of all blocks, whole or not at all; returns the one that names all others.
+    /// Writes the file, or files, of all blocks, atomically; returns the main file.
     ///
     /// # Errors
     /// [`ReportError::Unwritable`].
@@ -235,7 +235,7 @@ impl SeriesWriter {
         npz.finish()
     }
 
-    /// Hands over the values of quantity `k` at some times of a block.
+    /// Copies the values of quantity `k` at some times of a block.
     fn copy(
         &mut self,
         (block, k): (usize, usize),
@@ -267,7 +267,7 @@ impl SeriesWriter {
         Ok(())
     }
 
-    /// Writes a file for each time, and the one that lists them.
+    /// Writes a file for each time, and the file that lists them.
     fn write_vtus(&mut self, report: &SeriesReport<'_>) -> io::Result<PathBuf> {
         let digits = report.times.len().saturating_sub(1).to_string().len().max(4);
         let list = self.path.with_extension("pvd");

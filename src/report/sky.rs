@@ -5,7 +5,7 @@ use crate::form_factor::{Fraction, SkyFactors};
 /// Four numbers for each patch or surface, with their names.
 pub(crate) type SkyColumns = [(&'static str, Vec<f64>); 4];
 
-/// Returns the names and values of the numbers that files have of sky and back factors.
+/// Returns the names and values of the sky and back factors in files.
 pub(crate) fn sky_columns(sky: &SkyFactors) -> SkyColumns {
     let values = |of: &[Fraction]| of.iter().map(|fraction| fraction.value).collect();
     let errors = |of: &[Fraction]| of.iter().map(|fraction| fraction.error()).collect();

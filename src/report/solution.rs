@@ -7,8 +7,9 @@
 //! | `.ply`, `.obj` | patches whose vertices have the colours of the radiosity, white the greatest | MeshLab, Blender |
 //! | `.vtu` | patches with the same quantities | ParaView, PyVista, meshio |
 //!
-//! `error` is the estimated error of the radiosity (see [`carried_error`](crate::solver::carried_error)), `row_sum` the sum of each patch's form factors, `sky_factor` the part of its light that escapes; they
-//! are left out where no form factors are stored, and `error` where their errors are not known. In daylight `.npz` and `.vtu` have `sunlit_fraction`, `sun_irradiance`, `sky_irradiance` and their errors too. Radiosity, irradiance, exitance, residual and error are in W·m⁻², area in m², centroids in m.
+//! `error` is the estimated error of the radiosity (see [`carried_error`](crate::solver::carried_error)), `row_sum` the sum of each patch's form factors, `sky_factor` the part of its light that
+//! escapes. They are left out if no form factors are stored, and `error` if their errors are unknown. In daylight `.npz` and `.vtu` also have `sunlit_fraction`, `sun_irradiance`, `sky_irradiance` and
+//! their errors. Radiosity, irradiance, exitance, residual and error are in W·m⁻², area in m², centroids in m.
 
 use std::io::{self, Seek, Write};
 use std::path::Path;
@@ -28,7 +29,7 @@ use crate::mesh::Mesh;
 use crate::scene::Scene;
 use crate::solver::{Solution, StopReason};
 
-/// A solution with what it belongs to.
+/// A solution with its scene and settings.
 #[derive(Clone, Copy, Debug)]
 pub struct SolutionReport<'a> {
     /// The scene.
@@ -43,15 +44,15 @@ pub struct SolutionReport<'a> {
     pub solution: &'a Solution,
     /// The estimated error of B, W·m⁻², \[n, c\]; see [`carried_error`](crate::solver::carried_error).
     pub error: Option<&'a Block>,
-    /// Σ_j F_ij, \[n\], where form factors were stored.
+    /// The row sums Σ_j F_ij, \[n\], if form factors were stored.
     pub row_sums: Option<&'a [f64]>,
-    /// The sky factor of each patch, where form factors were stored.
+    /// The sky factor of each patch, if form factors were stored.
     pub sky: Option<&'a SkyFactors>,
-    /// The sunlight; it is in the irradiance, and not in the exitance.
+    /// The sunlight, which the irradiance includes and the exitance excludes.
     pub sun: Option<&'a Sunlit>,
-    /// The irradiance straight from the sky and its error, W·m⁻², \[n, c\]; it is in the irradiance, and not in the exitance.
+    /// The irradiance straight from the sky and its error, W·m⁻², \[n, c\], which the irradiance includes and the exitance excludes.
     pub skylight: Option<&'a [Block; 2]>,
-    /// How the form factors and the solution were computed: no time, path or number of threads.
+    /// The settings of the form factors and of the solution: no time, path or number of threads.
     pub settings: &'a Map<String, Value>,
 }
 
@@ -62,25 +63,25 @@ struct SolutionDescription<'a> {
     format: &'static str,
     /// The units of the arrays.
     unit: &'static str,
-    /// n.
+    /// The number of patches n.
     n_patches: usize,
-    /// [`Mesh::geometry_hash`].
+    /// The geometry's [`Mesh::geometry_hash`].
     geometry_sha256: String,
-    /// [`Scene::content_hash`].
+    /// The scene's [`Scene::content_hash`].
     scene_sha256: String,
     /// The names of the surfaces, by the numbers that the patches have.
     surfaces: Vec<&'a str>,
-    /// How the form factors and the solution were computed.
+    /// The settings of the form factors and of the solution.
     settings: &'a Map<String, Value>,
-    /// Why the solver stopped.
+    /// The solver's stop reason.
     stop_reason: StopReason,
-    /// sqrt(Σ A r² / Σ A E²), the worst channel; null where it is not finite.
+    /// The relative residual sqrt(Σ A r² / Σ A E²), the worst channel; null if it is not finite.
     residual_l2: f64,
-    /// A bound on the relative error of B in the area-weighted L2 norm, that of the form factors aside; null where none is known.
+    /// A bound on the relative error of B in the area-weighted L2 norm, without that of the form factors; null if none is known.
     error_bound: Option<f64>,
 }
 
-/// The formats that solutions are written in.
+/// The formats of solutions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
     /// A table.
@@ -96,7 +97,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Returns the format that a file's ending names.
+    /// Returns the format of a file's ending.
     ///
     /// # Errors
     /// [`ReportError::UnknownFormat`].
@@ -113,7 +114,7 @@ impl Format {
 }
 
 impl SolutionReport<'_> {
-    /// Writes the solution to `path`, whole or not at all, in the format that its ending names.
+    /// Writes the solution to `path`, atomically, in the format of its ending.
     ///
     /// # Errors
     /// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`].

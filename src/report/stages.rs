@@ -1,4 +1,4 @@
-//! Where the time went.
+//! The run times of the stages.
 
 use std::time::{Duration, Instant};
 
@@ -39,7 +39,7 @@ impl StageTimes {
     }
 }
 
-/// One entry `NAME_s` a stage, s.
+/// Serialises one entry `NAME_s` per stage, s.
 impl Serialize for StageTimes {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_map(self.iter().map(|(name, seconds)| (format!("{name}_s"), seconds)))

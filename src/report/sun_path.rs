@@ -1,7 +1,7 @@
-//! Tables of where the sun stands: a row for each time.
+//! Reads tables of the sun's positions: a row for each time.
 //!
-//! The columns are `time`, `irradiance` (W·m⁻², of a plane that faces the sun) and either `x`, `y`, `z`, the direction towards the sun of any length, or `latitude`, `longitude`, in degrees north and east. A time is a
-//! number, in any unit, or a date with time and offset in RFC 3339, which places need. Times increase from row to row.
+//! The columns are `time`, `irradiance` (W·m⁻², of a plane that faces the sun) and either `x`, `y`, `z`, the direction towards the sun of any length, or `latitude`, `longitude`, in degrees north and
+//! east. A time is a number, in any unit, or a date with time and offset in RFC 3339, which latitude and longitude require. Times increase from row to row.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use super::text_table::TextFile;
 use crate::heat::{SunPath, SunPlace};
 use crate::parameter::Parameter;
 
-/// Where the columns of a row stand.
+/// The columns of the position.
 enum Columns {
     Direction([usize; 3]),
     Place([usize; 2]),
@@ -21,7 +21,8 @@ enum Columns {
 /// Reads the path of a sun whose disc has an angular radius in degrees; `axes`: north and up of the scene, for places on Earth.
 ///
 /// # Errors
-/// [`ReportError::Unreadable`]; [`ReportError::BadTable`] with the line of what is no such table; [`ReportError::BadSetting`] of a radius out of range and, for places on Earth, a north along up.
+/// [`ReportError::Unreadable`]; [`ReportError::BadTable`] with the line for text that is no such table; [`ReportError::BadSetting`] for a radius out of range and, for places on Earth, a north along
+/// up.
 pub fn read(path: &Path, angular_radius_deg: f64, axes: [DVec3; 2]) -> Result<SunPath, ReportError> {
     let file = TextFile::read(path, "bad_sun_path")?;
     let table = file.table("time,x,y,z,irradiance")?;
@@ -65,7 +66,7 @@ pub fn read(path: &Path, angular_radius_deg: f64, axes: [DVec3; 2]) -> Result<Su
     Ok(found)
 }
 
-/// Returns the setting that a value which no row gives belongs to.
+/// Returns the setting of a value that no row contains.
 fn setting_of(key: &str) -> Option<Parameter> {
     match key {
         "north" => Some(Parameter::North),

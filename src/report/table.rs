@@ -1,4 +1,4 @@
-//! One table, written as Markdown for people and as CSV for programs.
+//! A table that is written as Markdown for people and as CSV for programs.
 
 use std::fmt::Write as _;
 
@@ -11,7 +11,7 @@ pub struct Table {
     rows: Vec<Vec<String>>,
 }
 
-/// A value as a cell: an f64 with the fewest digits that read back as the same, nothing where there is none.
+/// A value as a cell: an f64 with the fewest digits that read back as the same, and an empty cell for none.
 pub(crate) trait Cell {
     fn cell(&self) -> String;
 }
@@ -34,7 +34,7 @@ impl<T: Cell> Cell for Option<T> {
     }
 }
 
-/// Makes a [`Table`] of rows, each column of its name and its cell.
+/// Makes a [`Table`] of rows, each column from its name and its cell.
 macro_rules! table {
     ($row:pat in $rows:expr; $($name:literal: $cell:expr),* $(,)?) => {{
         let mut table = $crate::report::Table::new([$($name),*]);
@@ -67,8 +67,9 @@ impl Table {
         self.rows.push(row);
     }
 
-    /// Returns the table in Markdown (GitHub's dialect): the first column to the left, the others to the right, columns padded to
-    /// one width so that the source reads as a table too. A vertical bar inside a cell is escaped.
+    /// Returns the table in Markdown (GitHub's dialect), the first column aligned left, the others right.
+    ///
+    /// Columns are padded to one width so that the source reads as a table too. A vertical bar inside a cell is escaped.
     #[must_use]
     pub fn to_markdown(&self) -> String {
         let escaped = |row: &Vec<String>| -> Vec<String> { row.iter().map(|cell| cell.replace('|', "\\|")).collect() };
@@ -100,7 +101,7 @@ impl Table {
         text
     }
 
-    /// Returns the table as CSV with a header line; cells are quoted where they need it (RFC 4180, with line feeds alone).
+    /// Returns the table as CSV with a header line; cells are quoted where necessary (RFC 4180, with line feeds alone).
     #[must_use]
     pub fn to_csv(&self) -> String {
         let mut text = String::new();

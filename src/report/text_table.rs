@@ -1,4 +1,6 @@
-//! Tables that users write: a line of names, then a row a line with commas between; lines that begin with `#` are passed over, and so are columns that nobody asks for.
+//! Reads tables that users write: a line of names, then one line per row, separated by commas.
+//!
+//! Lines that begin with `#` and unused columns are ignored.
 
 use std::path::{Path, PathBuf};
 
@@ -6,13 +8,13 @@ use super::ReportError;
 use crate::input_file;
 use crate::printable::quoted;
 
-/// The most bytes of a table.
+/// The greatest size of a table, in bytes.
 const LIMIT: u64 = 1 << 30;
 
 /// The text of a table.
 pub(super) struct TextFile {
     path: PathBuf,
-    /// The [`ReportError::kind`] of a mistake in it.
+    /// The [`ReportError::kind`] of its errors.
     kind: &'static str,
     text: String,
 }
@@ -28,7 +30,7 @@ pub(super) struct Table<'a> {
 /// One row of a table.
 pub(super) struct Row<'a> {
     table: &'a Table<'a>,
-    /// From 0.
+    /// The index of the line, from 0.
     line: usize,
     cells: Vec<&'a str>,
 }
@@ -37,7 +39,7 @@ impl TextFile {
     /// Reads a table.
     ///
     /// # Errors
-    /// [`ReportError::Unreadable`], and [`ReportError::BadTable`] of what is no text.
+    /// [`ReportError::Unreadable`], and [`ReportError::BadTable`] for bytes that are not text.
     pub(super) fn read(path: &Path, kind: &'static str) -> Result<Self, ReportError> {
         let unreadable = |source| ReportError::Unreadable {
             path: path.to_owned(),
@@ -55,7 +57,7 @@ impl TextFile {
             .map_err(|_| file(String::new()).bad(0, "not UTF-8 text; convert the file to UTF-8".into()))
     }
 
-    /// Returns the rows; `first`: how the line of names begins.
+    /// Returns the rows; `first` is the expected start of the line of names.
     pub(super) fn table(&self, first: &str) -> Result<Table<'_>, ReportError> {
         let text = self.text.trim_start_matches('\u{feff}');
         let mut lines = text.lines().enumerate().filter(|(_, line)| {
@@ -95,7 +97,7 @@ impl TextFile {
 }
 
 impl Table<'_> {
-    /// Returns the places of columns, in any case of letters.
+    /// Returns the indices of columns, ignoring case.
     pub(super) fn find<const N: usize>(&self, wanted: [&str; N]) -> [Option<usize>; N] {
         wanted.map(|name| self.names.iter().position(|own| own.eq_ignore_ascii_case(name)))
     }
@@ -121,14 +123,14 @@ impl Row<'_> {
         self.line + 1
     }
 
-    /// Returns a cell, empty where the row ends before it.
+    /// Returns a cell, empty if the row ends before it.
     pub(super) fn text(&self, column: usize) -> &str {
         self.cells.get(column).copied().unwrap_or_default()
     }
 
-    /// Returns the finite numbers of some cells.
+    /// Returns the finite numbers in some cells.
     pub(super) fn numbers<const N: usize>(&self, columns: [usize; N]) -> Result<[f64; N], ReportError> {
-        // A name with a comma in it would shift what follows.
+        // A name with a comma would shift the following cells.
         let n_named = self.table.names.len();
         if self.cells.iter().skip(n_named).any(|cell| !cell.is_empty()) {
             let wrong = "cells, but the line of names has";

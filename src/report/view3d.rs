@@ -1,6 +1,6 @@
-//! Form factors between surfaces as View3D writes them (`out = 0`), so that scripts around it go on.
+//! Writes form factors between surfaces in the format of View3D (`out = 0`), for scripts that read it.
 //!
-//! A line of 30 characters, `View3D 3.3 0 ENCL 0 N`, padded with blanks: program and version, text format, 1 of a closed scene, 0 as
+//! A line of 30 characters, `View3D 3.3 0 ENCL 0 N`, padded with blanks: program and version, text format, 1 for a closed scene, 0 as
 //! factors are those of black surfaces, and the number of surfaces. A line of the areas (`%g`), a line of each row (`%.6f`) from that surface to every other, and a
 //! line of the emissivities (`%.3f`), all separated by one blank. Source: G. N. Walton, "Using the View3D program", NIST, 2002, and what
 //! View3D 3.3 writes. Departures: obstructions and null surfaces have rows, as black surfaces of the scene; an emissivity is 1 − ρ, the area mean over faces and channels.
@@ -10,7 +10,7 @@ use std::io::{self, Write};
 use crate::matrix::SurfaceRows;
 use crate::scene::Scene;
 
-/// The characters of the first line before its end.
+/// The number of characters of the first line before its end.
 const HEAD: usize = 30;
 
 /// Writes the areas, the rows and the emissivities of surfaces.
@@ -53,7 +53,7 @@ fn properties(scene: &Scene) -> (Vec<f64>, Vec<f64>) {
     (areas, emissivities)
 }
 
-/// Returns a number as `%g` of C writes it: six digits, without zeros at the end.
+/// Returns a number in the format `%g` of C: six digits, without trailing zeros.
 fn general(value: f64) -> String {
     const DIGITS: i32 = 6;
     let scientific = format!("{value:.5e}");

@@ -1,4 +1,4 @@
-//! Voxels with their values as an unstructured grid of VTK (`.vtu`).
+//! Writes voxels with their values as an unstructured grid of VTK (`.vtu`).
 
 use std::collections::HashMap;
 use std::io::Write as _;
@@ -21,9 +21,9 @@ struct VoxelDescription<'a> {
     settings: &'a Map<String, Value>,
 }
 
-/// Writes one VTK_HEXAHEDRON for each surfel (meshio reads no VTK_VOXEL), with its surface, normal, area, radiosity and irradiance; whole or not at all.
+/// Writes one VTK_HEXAHEDRON for each surfel, with its surface, normal, area, radiosity and irradiance; the file is replaced atomically.
 ///
-/// A voxel with several surfels stands as often. Positions in m, area in m², radiosity and irradiance in W·m⁻². `settings`: how the values were computed.
+/// meshio does not read VTK_VOXEL. A voxel with several surfels is repeated for each. Positions in m, area in m², radiosity and irradiance in W·m⁻². `settings` are those of the computation.
 ///
 /// # Errors
 /// [`ReportError::Unwritable`].
@@ -54,7 +54,7 @@ pub fn write_vtu(
     let mut cells: Vec<[usize; 8]> = Vec::with_capacity(n);
     for surfel in &voxels.surfels {
         let [x, y, z] = surfel.voxel();
-        // VTK_HEXAHEDRON: around the lower face, then around the upper one.
+        // The corners of a VTK_HEXAHEDRON go around the lower face, then around the upper one.
         cells.push(std::array::from_fn(|k| {
             let [dx, dy] = [[0, 0], [1, 0], [1, 1], [0, 1]][k % 4];
             let corner = [x + dx, y + dy, z + i32::from(k >= 4)];

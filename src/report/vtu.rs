@@ -1,4 +1,4 @@
-//! Patches with their values as an unstructured grid of VTK (`.vtu`), for ParaView and PyVista.
+//! Writes patches with their values as an unstructured grid of VTK (`.vtu`), for ParaView and PyVista.
 
 use std::fmt::Write as _;
 use std::io::{self, Write};
@@ -24,8 +24,9 @@ impl CellData {
     }
 }
 
-/// Writes the patches as cells, with their surface and area beside `data`, and `description` and the surfaces' names as
-/// data of the whole field.
+/// Writes the patches as cells, with their surface and area and `data`.
+///
+/// `description` and the surfaces' names become data of the whole field.
 ///
 /// ASCII, numbers with the fewest digits that read back as the same f64.
 pub(super) fn write(
@@ -38,7 +39,7 @@ pub(super) fn write(
     write_at(writer, None, (scene, mesh), description, data)
 }
 
-/// Does what [`write`] does for values at a time, which readers of VTK find as `TimeValue`.
+/// Writes as [`write`] does, for values at a time, which becomes VTK's `TimeValue`.
 pub(super) fn write_at(
     writer: &mut dyn Write,
     time: Option<f64>,
@@ -70,7 +71,7 @@ pub(super) fn write_at(
         [end]
     });
     write_numbers(writer, "Int64", "offsets", 1, ends, usize::to_string)?;
-    // VTK_TRIANGLE is 5, VTK_QUAD is 9.
+    // The types of VTK: VTK_TRIANGLE is 5, VTK_QUAD is 9.
     let types = corners.map(|corners| [if corners.len() == 3 { 5 } else { 9 }]);
     write_numbers(writer, "UInt8", "types", 1, types, u8::to_string)?;
     writeln!(writer, "</Cells>\n<CellData>")?;
@@ -102,10 +103,10 @@ pub(super) fn write_head(
     end_fields(writer, n_points, n_cells)
 }
 
-/// A time, and the name of the file of what there is then.
+/// A time, and the name of its file.
 pub(super) type Collected<'a> = (f64, &'a str);
 
-/// Writes the list of the files of a series (`.pvd`), which lie beside it.
+/// Writes the list of the files of a series (`.pvd`), which are beside it.
 pub(super) fn write_collection(writer: &mut dyn Write, files: &[Collected<'_>]) -> io::Result<()> {
     writeln!(writer, "<?xml version=\"1.0\"?>")?;
     writeln!(
@@ -122,7 +123,7 @@ pub(super) fn write_collection(writer: &mut dyn Write, files: &[Collected<'_>]) 
     writeln!(writer, "</Collection>\n</VTKFile>")
 }
 
-/// Writes the beginning, with data of the whole field, of which there may be more.
+/// Writes the beginning, with data of the whole field, to which more may be added.
 fn write_fields(writer: &mut dyn Write, description: &str, surface_names: &[&str]) -> io::Result<()> {
     writeln!(writer, "<?xml version=\"1.0\"?>")?;
     writeln!(
@@ -163,7 +164,7 @@ pub(super) fn write_numbers<T, R: AsRef<[T]>>(
     writeln!(writer, "</DataArray>")
 }
 
-/// Writes texts as the numbers of their bytes, each text ended by 0: readers that know no arrays of strings take them too.
+/// Writes texts as the numbers of their bytes, each text ended by 0, which readers without arrays of strings accept too.
 fn write_texts(writer: &mut dyn Write, name: &str, texts: &[&str]) -> io::Result<()> {
     let n: usize = texts.iter().map(|text| text.len() + 1).sum();
     writeln!(
@@ -180,7 +181,7 @@ fn write_texts(writer: &mut dyn Write, name: &str, texts: &[&str]) -> io::Result
     writeln!(writer, "</DataArray>")
 }
 
-/// Returns text as it may stand in an attribute.
+/// Returns text escaped for an attribute.
 fn escaped(text: &str) -> String {
     let with = |unescaped: String, from, to| unescaped.replace(from, to);
     with(with(with(text.to_owned(), '&', "&amp;"), '<', "&lt;"), '"', "&quot;")

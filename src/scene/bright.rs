@@ -1,31 +1,33 @@
-//! How bright and how dim light may be, so that nothing that is computed of it leaves the range of f64.
+//! The range of exitances within which all computed light stays in the range of f64.
 
 use super::{Material, Scene};
 
-/// The greatest exitance, in W·m⁻²: what is computed from more of it leaves the range of f64.
+/// The greatest exitance, in W·m⁻²: light computed from more would leave the range of f64.
 pub const MAX_EXITANCE: f64 = 1e300;
 
-/// The least exitance beside 0, in W·m⁻²: near the least f64 numbers have fewer digits, and conservation checks that hold to the last of them do not.
+/// The least exitance beside 0, in W·m⁻².
+///
+/// Near the least f64 numbers have fewer digits, too few for the conservation checks.
 pub const MIN_EXITANCE: f64 = 1e-300;
 
-/// Returns whether an exitance is above 0, but below the least that is possible.
+/// Returns whether an exitance is above 0 and below [`MIN_EXITANCE`].
 pub(super) fn is_too_dim(exitance: f64) -> bool {
     exitance > 0.0 && exitance < MIN_EXITANCE
 }
 
-/// The greatest power, in W, and the greatest radiosity, in W·m⁻², that reflection may make of what one material or surface emits.
+/// The greatest power, in W, and the greatest radiosity, in W·m⁻², that one material or surface may cause with all reflections.
 const MAX_LIGHT: f64 = 1e305;
 
 /// Returns the greatest exitance of a surface, in W·m⁻².
 ///
-/// Light that is reflected again and again adds up to E / (1 − ρ) at most, and its power to E A / (1 − ρ). `area`: A, in m²; `reflectance_max`: the greatest ρ of the scene.
+/// Repeated reflection adds up to E / (1 − ρ) at most, and its power to E A / (1 − ρ). `area`: A, in m²; `reflectance_max`: the greatest ρ of the scene.
 pub(super) fn exitance_limit(area: f64, reflectance_max: f64) -> f64 {
-    // A room that reflects everything has a solution where it is open, and f64 knows no ρ nearer to 1.
+    // An open room of ρ = 1 has a solution; the largest f64 below 1 bounds its ρ.
     let absorbed = (1.0 - reflectance_max).max(f64::EPSILON / 2.0);
     MAX_EXITANCE.min(MAX_LIGHT * absorbed / area.max(1.0))
 }
 
-/// Returns the brightest patch and channel, its exitance and the greatest one that is possible, in W·m⁻², where the light of all patches may leave the range of f64.
+/// Returns the brightest patch and channel, its exitance and the greatest possible one, W·m⁻², where the light of all patches may leave the range of f64.
 ///
 /// `areas`: A, in m², \[n\]; `reflectance` and `exitance`: ρ and E, \[n, c\], row by row.
 pub(crate) fn too_bright_patch(
@@ -50,7 +52,7 @@ pub(crate) fn too_bright_patch(
     })
 }
 
-/// Returns a material whose faces emit too much light, its exitance and the greatest one that is possible, in W·m⁻².
+/// Returns a material whose faces emit too much light, with its exitance and the greatest possible one, in W·m⁻².
 pub(super) fn too_bright(scene: &Scene) -> Option<(&Material, f64, f64)> {
     let mut areas = vec![0.0; scene.materials.len()];
     for (id, face) in scene.face_ids().zip(&scene.faces) {
@@ -81,7 +83,7 @@ mod tests {
         // The sum of all orders of reflection overflows before the light itself does.
         let (patch, channel, most, limit) = found([1e299, 0.0, 3e299, 0.0], 1.0 - 1e-9).expect("too bright");
         assert_eq!((patch, channel, most.to_bits()), (1, 0, 3e299_f64.to_bits()));
-        // As much as 2 / 3 + 1 / 2 m2 of the brightest.
+        // The power is that of 2 / 3 + 1 / 2 m² of the brightest patch.
         let expected = MAX_LIGHT * 1e-9 / (2.0 / 3.0 + 0.5);
         assert!((limit / expected - 1.0).abs() < 1e-6, "{limit:e} {expected:e}");
     }

@@ -1,4 +1,4 @@
-//! Puts a scene together: merges vertices, names surfaces, splits outlines, and refuses what no method could use.
+//! Puts a scene together: merges vertices, names surfaces, splits outlines, and refuses faces that no method can use.
 
 use std::collections::hash_map::Entry;
 use std::hash::Hash;
@@ -18,11 +18,12 @@ use super::{
 };
 use crate::geometry::polygon;
 
-/// How far from flat an outline may be, in units of the diagonal of its box, before it is doubted: a thousandth is more than any rounding, and
-/// where the two ways to cut a quad in two differ by that, so do areas and form factors by as much as a millionth.
+/// The distance from its plane, in units of the diagonal of its box, beyond which an outline causes a warning.
+///
+/// It is above any rounding. At this distance the two ways to cut a quad into triangles differ in areas and form factors by up to a millionth.
 const BENT: f64 = 1e-3;
 
-/// The fate of an outline.
+/// The result of adding an outline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Added {
     /// It is part of the scene.
@@ -31,9 +32,9 @@ pub enum Added {
     ZeroArea,
 }
 
-/// Puts a scene together from vertices, faces, surfaces and materials: the only way to a [`Scene`].
+/// Builds a [`Scene`] from vertices, faces, surfaces and materials; there is no other way to make one.
 ///
-/// Every f64 of a coordinate survives, and bit-identical positions become one vertex. What is true of the faces of a file ([`load`](super::load)) is true of these.
+/// Every f64 of a coordinate survives, and bit-identical positions become one vertex. Faces follow the rules for those of a file ([`load`](super::load)).
 ///
 /// ```
 /// use radiosity::scene::{Material, SceneBuilder};
@@ -51,7 +52,7 @@ pub enum Added {
 /// ```
 #[derive(Debug, Default)]
 pub struct SceneBuilder {
-    /// The file that errors name; `None` of a scene made in memory, whose faces have numbers in place of lines.
+    /// The file that errors name; `None` for a scene made in memory, whose faces have numbers in place of lines.
     file: Option<PathBuf>,
     scene: Scene,
     misses: Misses,
@@ -62,7 +63,7 @@ pub struct SceneBuilder {
     n_added: u32,
 }
 
-/// The first line of each outline; most have up to four corners, which need no memory of their own.
+/// The first line of each outline; outlines of up to four corners, the most frequent, need no memory of their own.
 #[derive(Debug, Default)]
 struct OutlineLines {
     small: HashMap<[u32; 4], u32>,
@@ -87,7 +88,7 @@ impl OutlineLines {
             from_least(&mut key);
             return insert(&mut self.large, key, line);
         }
-        // A triangle has no fourth vertex, and no vertex is the last number.
+        // A triangle has no fourth vertex, and no vertex has the number `u32::MAX`.
         let mut key = [u32::MAX; 4];
         key[..n].copy_from_slice(vertices);
         from_least(&mut key[..n]);
@@ -95,7 +96,7 @@ impl OutlineLines {
     }
 }
 
-/// The first line at which something happens, and how often it does.
+/// The first line of an event, and the number of events.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct FirstAndCount(pub(super) Option<(u32, usize)>);
 
@@ -123,7 +124,7 @@ impl SceneBuilder {
         builder.numbered(Numbering::Lines)
     }
 
-    /// Returns the builder with other numbers of faces than lines.
+    /// Returns the builder with faces numbered by something other than lines.
     #[must_use]
     pub fn numbered(mut self, numbering: Numbering) -> Self {
         self.scene.numbering = numbering;
@@ -143,7 +144,7 @@ impl SceneBuilder {
         }
     }
 
-    /// Returns the scene as a place.
+    /// Returns the origin of errors about the whole scene.
     fn whole(&self) -> Origin {
         self.file
             .as_ref()
@@ -186,7 +187,9 @@ impl SceneBuilder {
         Ok(MaterialId(id))
     }
 
-    /// Adds faces, each the indices of three vertices or more, counter-clockwise seen from the front; `surfaces` and `materials` have one for each face, or one for all.
+    /// Adds faces, each given by the indices of three or more vertices, counter-clockwise seen from the front.
+    ///
+    /// `surfaces` and `materials` have one element for each face, or one for all.
     ///
     /// # Errors
     /// [`SceneErrorKind::BadCoordinate`], [`SceneErrorKind::IndexOutOfRange`], [`SceneErrorKind::TooFewCorners`], those of [`face`](Self::face), and [`SceneErrorKind::NotOneEach`] of slices that do not fit.
@@ -240,7 +243,7 @@ impl SceneBuilder {
         Ok(())
     }
 
-    /// Adds the faces of an outline; `line` is its line in the file, or its number as [`numbered`](Self::numbered) says.
+    /// Adds the faces of an outline; `line` is its line in the file, or its number (see [`numbered`](Self::numbered)).
     ///
     /// # Errors
     /// [`SceneErrorKind::SelfIntersecting`], [`SceneErrorKind::DuplicateFace`] of an outline that repeats an earlier one with the same winding, and [`SceneErrorKind::TooMany`].
@@ -296,20 +299,21 @@ impl SceneBuilder {
         Ok(Added::Faces)
     }
 
-    /// Ends the scene: what is drawn on larger faces is cut out of them, surfaces and materials without faces are dropped, materials take the order of their first use.
+    /// Finishes the scene.
     ///
-    /// Warnings name faces that are not flat, have no area, or lie on others. Callers that need light warn of a scene without emitters.
+    /// Faces drawn on larger ones are cut out of these, surfaces and materials without faces are dropped, and materials take the order of their first use.
+    /// Warnings name faces that are not flat, have no area, or lie on others. A scene without emitters causes no warning: callers that need light check for it.
     ///
     /// # Errors
     /// [`SceneErrorKind::NoFaces`], [`SceneErrorKind::OverlappingFaces`] and [`SceneErrorKind::TooBright`].
     pub fn build(mut self) -> Result<Loaded, SceneError> {
-        // What comes has tables of its own, and these are done with.
+        // The next steps build tables of their own; this frees the memory of these.
         self.vertex_of_position = HashMap::new();
         self.line_of_outline = OutlineLines::default();
         if self.scene.faces.is_empty() {
             return Err(SceneError::new(self.whole(), SceneErrorKind::NoFaces));
         }
-        // Where the digits show it there is nothing to look for; what is cut out of others misses them no more.
+        // Misses matter only where the digits do not show the rounding, and cutting removes the misses of the faces that it cuts.
         if let Some(mut written) = self.scene.written.filter(|written| !written.shows_rounding()) {
             written.misses = std::mem::take(&mut self.misses).show_rounding(&self.scene, &written);
             self.scene.written = Some(written);
@@ -374,7 +378,7 @@ impl SceneBuilder {
         Ok(vertex)
     }
 
-    /// Returns the id of the next of `count` things, while there are ids.
+    /// Returns the id of the next thing after `count` others, while ids remain.
     fn id(&self, count: usize, what: &'static str) -> Result<u32, SceneError> {
         self.below(count, MAX_FACES, what)
     }
@@ -420,13 +424,13 @@ fn in_memory(element: String) -> Origin {
     Origin::Memory { element }
 }
 
-/// The number of things of which there are at most as many as of those that already have a u32 id.
+/// Returns the number of things that are a subset of things with u32 ids.
 #[expect(clippy::cast_possible_truncation, reason = "a subset of things with u32 ids")]
 fn self_len<T>(things: &[T]) -> u32 {
     things.len() as u32
 }
 
-/// Removes corners that repeat their predecessor, the last before the first among them.
+/// Removes corners that repeat their predecessor; the last corner counts as the predecessor of the first.
 pub(super) fn without_repeats(corners: &mut Vec<DVec3>) {
     corners.dedup();
     while corners.len() > 1 && corners.first() == corners.last() {
@@ -434,13 +438,13 @@ pub(super) fn without_repeats(corners: &mut Vec<DVec3>) {
     }
 }
 
-/// Returns whether a corner is further than [`BENT`] of the size of an outline from its plane.
+/// Returns whether a corner is further from the plane of an outline than [`BENT`] of its size.
 fn is_bent(corners: &[DVec3]) -> bool {
     let (low, high) = polygon::bounds(corners);
     corners.len() > 3 && polygon::planarity_error(corners) > BENT * low.distance(high)
 }
 
-/// Turns an outline so that it begins with its least vertex: the same outline from any start.
+/// Rotates an outline so that it begins with its least vertex, which makes equal outlines with different starts identical.
 fn from_least(vertices: &mut [u32]) {
     let least = (0..vertices.len()).min_by_key(|&k| vertices[k]).unwrap_or(0);
     vertices.rotate_left(least);

@@ -20,13 +20,13 @@ use crate::scene::Scene;
 pub struct Camera {
     eye: DVec3,
     axes: DMat3,
-    /// As it was given, so that a camera turned elsewhere still stands upright.
+    /// The vector as given, so that a camera turned elsewhere still stands upright.
     given_up: DVec3,
     vertical_fov: f64,
     image_size: [Option<u32>; 2],
 }
 
-/// The pixels that a side of an image may have, wherever it is asked for: in a camera file, or of the program.
+/// The number of pixels that a side of an image may have.
 pub const IMAGE_SIDES: RangeInclusive<u32> = 1..=16384;
 
 /// The name of the camera file in the directory of a scene.
@@ -89,7 +89,7 @@ impl Camera {
     /// `width` and `height` in pixels. There are no others.
     ///
     /// # Errors
-    /// A file that cannot be read, is no such TOML (with the line), or makes no camera (see [`Camera::new`]).
+    /// A file that cannot be read, contains no such TOML (with the line), or makes no camera (see [`Camera::new`]).
     pub fn load(file: impl AsRef<Path>) -> Result<Self, SceneError> {
         let file = file.as_ref();
         let text = read_text(file, DESCRIPTION_LIMIT)?;
@@ -165,9 +165,9 @@ impl Camera {
         file.exists().then_some(file)
     }
 
-    /// Writes the camera as a TOML file that [`Camera::load`] reads, whole or not at all.
+    /// Writes the camera as a TOML file that [`Camera::load`] reads; a failed write leaves no partial file.
     ///
-    /// The direction comes back to rounding error; all else comes back to the bit.
+    /// The direction survives to rounding error; all other values survive to the bit.
     ///
     /// # Errors
     /// [`Unwritable`](crate::scene::SceneErrorKind::Unwritable).
@@ -191,11 +191,11 @@ impl Camera {
         .unwrap_or_default()
     }
 
-    /// Chooses a view of a scene, the same for the same scene.
+    /// Chooses a view of a scene, deterministically.
     ///
     /// Up is +y if light leaves mostly along −y, and +z otherwise (lamps hang from ceilings). The eye stands in the middle of a side of the bounding
-    /// box, just inside it or further in, and looks at the centre of the opposite side with a vertical angle of 60 degrees. Of these places the
-    /// one is chosen from which most of a grid of rays meet the front of a face; outside the box only where that shows more.
+    /// box, just inside it or further in, and looks at the centre of the opposite side with a vertical angle of 60 degrees. The chosen place is that from
+    /// which most rays of a grid meet the front of a face; places outside the box are used only where they show more.
     ///
     /// # Panics
     /// If the scene has no face.
@@ -205,14 +205,14 @@ impl Camera {
         default_view::choose(scene)
     }
 
-    /// Sets the image's size in pixels, or leaves either open.
+    /// Sets the image's size in pixels; `None` leaves a side open.
     #[must_use]
     pub fn with_image_size(mut self, width: Option<u32>, height: Option<u32>) -> Self {
         self.image_size = [width, height];
         self
     }
 
-    /// Returns whether a view along `direction` has no vertical near `up`: they are parallel, and [`Camera::new`] refuses them.
+    /// Returns whether `direction` and `up` are parallel, so that the view has no vertical; [`Camera::new`] refuses these.
     #[must_use]
     pub fn is_along(direction: DVec3, up: DVec3) -> bool {
         direction.normalize_or_zero().cross(up.normalize_or_zero()).length() < PARALLEL
@@ -236,7 +236,7 @@ impl Camera {
         self.axes.y_axis
     }
 
-    /// Returns the vector that was given as up: [`up`](Self::up) is the direction across the view that is nearest to it.
+    /// Returns the vector given as up; [`up`](Self::up) is the direction nearest to it that is perpendicular to the view.
     #[must_use]
     pub fn given_up(&self) -> DVec3 {
         self.given_up
@@ -278,7 +278,7 @@ impl Camera {
         (self.eye, (self.axes * in_camera).normalize())
     }
 
-    /// Makes a camera, or names the key to blame and what is wrong with it.
+    /// Makes a camera, or returns the key at fault and the error.
     fn checked(eye: DVec3, direction: DVec3, up: DVec3, vertical_fov: f64) -> Result<Self, (&'static str, String)> {
         if !eye.is_finite() {
             return Err(("eye", "not finite; correct it".to_owned()));

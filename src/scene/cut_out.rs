@@ -1,4 +1,4 @@
-//! Faces that are drawn on larger ones of their plane, as doors and windows on a wall: the larger ones lose that area.
+//! Cuts faces that are drawn on larger ones of their plane, as doors and windows on a wall, out of these.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -23,7 +23,7 @@ use rank::Ranks;
 pub(super) struct CutOut {
     /// The line of the first face that was cut out of a larger one.
     pub(super) line: u32,
-    /// How many faces were.
+    /// The number of faces that were cut out of larger ones.
     pub(super) count: usize,
     /// The area that larger faces lost, in m².
     pub(super) area: f64,
@@ -31,21 +31,21 @@ pub(super) struct CutOut {
     pub(super) covered: Option<(u32, usize)>,
 }
 
-/// Why faces that overlap stay as they are.
+/// A reason why overlapping faces stay as they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Refused {
-    /// All of a face, or of a flat part of a surface, lies on all of another; the one of the greater line first.
+    /// All of a face, or of a flat part of a surface, coincides with all of another; the one of the greater line comes first.
     Coincident([FaceId; 2]),
     /// There are more faces, or more vertices, than can be numbered.
     TooMany(&'static str),
 }
 
-/// Cuts faces that overlap with one winding in one plane, so that all area counts once; `None` if there are none.
+/// Cuts faces that overlap with one winding in one plane, so that all area counts once; returns `None` if there are none.
 ///
-/// Of two such faces the one that belongs to the smaller flat part keeps the area in common; of equal ones the later. A flat part is what is joined by edges, of one surface and
-/// one material: a triangulated wall is compared with a door as a whole. What is left of a face becomes triangles and quads in its place, with its surface, material and line.
+/// Of two such faces, the one of the smaller flat part keeps the common area; of equal parts, the later. A flat part consists of the faces of one surface and one material that are connected by edges:
+/// a triangulated wall is compared with a door as a whole. The rest of a face becomes triangles and quads in its place, with its surface, material and line.
 ///
-/// Accuracy: the areas add up to a few ulps; edges that are closer than [`Scene::slack`] become one, so that in files with rounded coordinates areas change by as much as these leave open.
+/// Accuracy: the areas add up to a few ulps. Edges that are closer than [`Scene::slack`] become one, so in files with rounded coordinates areas change by up to the rounding.
 /// Work: O(n log n) for n faces, and O(k log k) for k faces cut out of one.
 ///
 /// # Errors
@@ -90,7 +90,7 @@ pub(super) fn cut_out(scene: &mut Scene) -> Result<Option<CutOut>, Refused> {
     if scene.faces.len() >= MAX_FACES as usize {
         return Err(Refused::TooMany("faces"));
     }
-    // What rounding keeps from being cut is refused, not counted twice.
+    // Overlaps that rounding keeps from being cut are refused rather than counted twice.
     match overlap::find(scene) {
         Some(faces) => Err(Refused::Coincident(faces)),
         None => Ok(Some(report)),
@@ -101,24 +101,24 @@ pub(super) fn cut_out(scene: &mut Scene) -> Result<Option<CutOut>, Refused> {
 fn tolerance(scene: &Scene) -> f64 {
     let (low, high) = scene.bounding_box();
     let greatest = low.abs().max(high.abs()).max_element();
-    // What is turned within a plane along the axes is rounded too, although nothing stands out of the plane.
+    // Faces that are turned within an axis-aligned plane are rounded too, although no corner leaves the plane.
     let written = scene.written.filter(Written::may_part_points);
     let of_digits = written.map_or(0.0, |written| UNITS * written.unit(greatest));
     scene.slack().max(of_digits).max(ULPS * f64::EPSILON * greatest)
 }
 
-/// Lines that were meant to be one part by so many units of the last place of f64 where short edges are extended across a wall.
+/// The distance, in ulps of f64, of lines that were meant to be one, where short edges are extended across a wall.
 const ULPS: f64 = 512.0;
 
 /// The distance of points that were meant to be one, in units of the last digit.
 const UNITS: f64 = 2.0;
 
-/// Returns a report of how many faces are cut out of others, without areas.
+/// Returns a report with the number of faces that are cut out of others, without areas.
 fn counted(scene: &Scene, overlaps: &[Overlap], ranks: &Ranks) -> CutOut {
     let place = |overlap: &Overlap| {
         let [winner, _] = ranks.ordered(overlap.faces);
         let line = scene.faces[winner.0 as usize].line;
-        // Faces of one outline count as one, those without a line one by one.
+        // Faces of one outline count as one; those without a line count one by one.
         (line, if line == 0 { winner.0 } else { 0 })
     };
     let places: BTreeSet<(u32, u32)> = overlaps.iter().map(place).collect();
@@ -137,7 +137,7 @@ fn cutters(
     planes: &HashMap<FaceId, Plane>,
 ) -> BTreeMap<FaceId, BTreeSet<FaceId>> {
     let mut cutters: BTreeMap<FaceId, BTreeSet<FaceId>> = BTreeMap::new();
-    // The larger faces around those that lie within them as a whole.
+    // For each face, the larger faces that contain it as a whole.
     let mut around: HashMap<FaceId, Vec<FaceId>> = HashMap::new();
     for overlap in overlaps {
         let [winner, loser] = ranks.ordered(overlap.faces);
@@ -159,7 +159,9 @@ fn cutters(
     cutters
 }
 
-/// Returns the plane of every face that overlaps another: one for all that overlap one another, so that lines cross in the same point whichever of the faces they are cut in.
+/// Returns the plane of every face that overlaps another.
+///
+/// All faces that overlap one another share a plane, so that two lines cross in the same point in each of these faces.
 fn planes(scene: &Scene, overlaps: &[Overlap], tolerance: f64) -> HashMap<FaceId, Plane> {
     let faces: BTreeSet<FaceId> = overlaps.iter().flat_map(|overlap| overlap.faces).collect();
     let groups = Groups::new(faces.iter().copied(), overlaps.iter().map(|overlap| overlap.faces));
@@ -194,7 +196,7 @@ impl Groups {
         groups
     }
 
-    /// Returns the name of the group so far, and shortens the way to it.
+    /// Returns the current name of the group, and shortens the path to it.
     fn root(&mut self, face: FaceId) -> FaceId {
         let mut root = face;
         while self.0[&root] != root {
@@ -216,7 +218,7 @@ impl Groups {
 /// The vertices of a scene by their positions.
 struct Vertices {
     ids: HashMap<[u64; 3], u32>,
-    /// The vertices in cubes of four times the tolerance: what is within the tolerance of a point lies in two of them along each axis at most.
+    /// The vertices in cubes of four times the tolerance: all points within the tolerance of a point lie in at most two of them along each axis.
     cells: HashMap<[i64; 3], Vec<DVec3>>,
     tolerance: f64,
 }
@@ -245,7 +247,9 @@ impl Vertices {
         position.to_array().map(index)
     }
 
-    /// Returns the vertex that stands where a new one would stand but for the tolerance, or the position itself: pieces that meet in a point computed it from different lines.
+    /// Returns the vertex within the tolerance of a position, or the position itself.
+    ///
+    /// Pieces that meet in a point compute it from different lines.
     fn joined(&self, position: DVec3) -> DVec3 {
         if self.ids.contains_key(&key(position)) {
             return position;
@@ -267,7 +271,7 @@ impl Vertices {
         near.copied().unwrap_or(position)
     }
 
-    /// Returns an outline of vertices that stand, and new ones that are not nearer to one another than the tolerance; empty if it is no wider.
+    /// Returns an outline with its corners joined to existing vertices and to one another within the tolerance; empty if the outline is no wider than that.
     fn joined_outline(&self, corners: &[DVec3]) -> Vec<DVec3> {
         let mut outline: Vec<DVec3> = Vec::with_capacity(corners.len());
         for &corner in corners {
@@ -296,7 +300,7 @@ impl Vertices {
         Ok(new)
     }
 
-    /// Returns the faces that outlines become, otherwise like `face`; what has no area is left out.
+    /// Returns the faces made of outlines, otherwise like `face`; outlines without area are left out.
     fn faces(&mut self, scene: &mut Scene, face: Face, outlines: &[Vec<DVec3>]) -> Result<Vec<Face>, Refused> {
         let mut faces = Vec::new();
         for outline in outlines {
@@ -321,7 +325,7 @@ impl Vertices {
     }
 }
 
-/// Adding zero turns −0 into 0: the same place is the same vertex.
+/// Returns the bits of a position, with −0 as 0: equal positions are the same vertex.
 fn key(position: DVec3) -> [u64; 3] {
     (position + 0.0).to_array().map(f64::to_bits)
 }

@@ -1,4 +1,4 @@
-//! Where to stand in a scene that comes without a camera.
+//! Chooses a view of a scene without a camera.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -8,10 +8,10 @@ use super::{Camera, FaceId, Scene};
 /// The vertical angle of view, in degrees.
 const VERTICAL_FOV: f64 = 60.0;
 
-/// How far the eye stands behind the middle of the box, in units of its extent along the view: just inside, then further in.
+/// The distances of the eye from the middle of the box, in units of its extent along the view: just inside, then further in.
 const INSIDE: [f64; 3] = [0.48, 0.35, 0.2];
 
-/// The same from outside, in units of its greatest extent: a flat scene has none along the view.
+/// The distance of the eye outside, in units of the box's greatest extent: a flat scene may have none along the view.
 const OUTSIDE: f64 = 1.5;
 
 /// The rays per side of the grid that counts fronts.
@@ -30,7 +30,7 @@ pub(super) fn choose(scene: &Scene) -> Camera {
     let mut best: Option<(usize, Camera)> = None;
     let inside = INSIDE.map(|depth| depth * extent);
     for distance in inside.into_iter().chain([DVec3::splat(OUTSIDE * extent.max_element())]) {
-        // From the far end of the longer side first: of equal views, the deeper one.
+        // The longer axis and its far end come first: of equal views, the deeper one is chosen.
         let long_first = if extent[a] >= extent[b] { [a, b] } else { [b, a] };
         for axis in long_first {
             for sign in [1.0, -1.0] {
@@ -40,7 +40,7 @@ pub(super) fn choose(scene: &Scene) -> Camera {
                     continue;
                 };
                 let score = n_fronts(&targets, &camera);
-                // No later place can show more than all.
+                // No other place can show more than all.
                 if score == (GRID * GRID) as usize {
                     return camera;
                 }

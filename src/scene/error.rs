@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use crate::parameter::{Named, Parameter};
 use crate::printable::{printable_message, quoted};
 
-/// Where something is wrong.
+/// The place of an error.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Origin {
@@ -25,12 +25,12 @@ pub enum Origin {
         /// The part.
         element: String,
     },
-    /// In what was made in memory.
+    /// In a scene, material or camera made in memory.
     Memory {
         /// The part: a face, a material, a camera.
         element: String,
     },
-    /// Nowhere but in what was asked for.
+    /// In an argument of the caller, such as a name.
     #[default]
     Asked,
 }
@@ -104,7 +104,7 @@ impl Numbering {
         }
     }
 
-    /// Returns what messages call a face, as in `line 12`, `cell 11` or `face 3`.
+    /// Returns the label of a face in messages, as in `line 12`, `cell 11` or `face 3`.
     #[must_use]
     pub fn label(&self, number: u32) -> String {
         match self {
@@ -166,7 +166,7 @@ impl fmt::Display for Earlier {
 pub struct SceneError {
     /// Where.
     pub at: Origin,
-    /// What.
+    /// The error.
     pub kind: SceneErrorKind,
 }
 
@@ -197,7 +197,7 @@ pub enum SceneErrorKind {
     /// The file cannot be read: missing, a directory, no permission.
     #[error("{source}")]
     Unreadable {
-        /// Why, and what to do.
+        /// The operating system's message, with a remedy.
         source: io::Error,
     },
     /// The file is not text in UTF-8.
@@ -206,7 +206,7 @@ pub enum SceneErrorKind {
     /// The file has no face with an area.
     #[error("no face with an area; export the scene with its faces")]
     NoFaces,
-    /// The file is not written as its format wants it.
+    /// The text of the file does not follow its format.
     #[error("expected {expected}, found `{}`; correct the file or export it again", quoted(.found))]
     Malformed {
         /// The text that the format requires there.
@@ -214,16 +214,16 @@ pub enum SceneErrorKind {
         /// The text in the file.
         found: String,
     },
-    /// The file states more than it has bytes for.
+    /// The file states more elements than its length allows.
     #[error(
         "the file states {n} {what} and has room for {room}: it is cut short, or its header is wrong; export it again"
     )]
     Truncated {
         /// The counted things, such as `triangles`.
         what: &'static str,
-        /// How many there are to be.
+        /// The stated number.
         n: u64,
-        /// How many there can be in what is left of the file.
+        /// The greatest number that fits into the rest of the file.
         room: u64,
     },
     /// The file ends too early.
@@ -233,13 +233,13 @@ pub enum SceneErrorKind {
         /// The incomplete part.
         what: &'static str,
     },
-    /// The file is of a kind that is not read.
+    /// The file is of a kind that is not supported.
     #[error("{}", printable_message(.message))]
     Unsupported {
-        /// The part that is not read, and the remedy.
+        /// The unsupported part, and the remedy.
         message: String,
     },
-    /// A cell array was named that the file does not have.
+    /// The file has no cell array of the given name.
     #[error("there is no array `{}` with one whole number or name for each face; the file has {}", quoted(.name), printable_message(.known))]
     UnknownArray {
         /// The name.
@@ -247,7 +247,7 @@ pub enum SceneErrorKind {
         /// The arrays that the file has.
         known: String,
     },
-    /// To read the file would take more memory than there is to be.
+    /// Reading the file would exceed the memory limit.
     #[error(
         "the scene takes some {needed} bytes more, and there are fewer; raise the limit of memory or split the scene"
     )]
@@ -269,7 +269,7 @@ pub enum SceneErrorKind {
         /// How many coordinates the line has.
         count: usize,
     },
-    /// A coordinate that is no finite number of a sensible size.
+    /// A coordinate that is not a finite number within the allowed range.
     #[error("coordinate `{}` is not a finite number within ±{limit:e}; correct it", quoted(.token), limit = super::MAX_COORDINATE)]
     BadCoordinate {
         /// The text in the file.
@@ -289,10 +289,10 @@ pub enum SceneErrorKind {
         /// The number of vertices above the face.
         n_vertices: usize,
     },
-    /// Slices of which one has neither one element for each face nor one for all.
+    /// Slices with neither one element for each face nor one for all.
     #[error("{n} {what} for {n_faces} faces; give one for each, or one for all")]
     NotOneEach {
-        /// The things of which there are too few or too many.
+        /// The things in a wrong number.
         what: &'static str,
         /// How many there are.
         n: usize,
@@ -361,7 +361,7 @@ pub enum SceneErrorKind {
         /// The first value out of range.
         value: f64,
     },
-    /// An exitance so great that the light leaves the range of numbers.
+    /// An exitance so great that the light leaves the range of f64.
     #[error("exitance `Ke` {value:e} is above {limit:.1e} W/m², beyond which light overflows here; lower it")]
     TooBright {
         /// The exitance, in W·m⁻².
@@ -379,7 +379,7 @@ pub enum SceneErrorKind {
         /// The least one that is possible beside 0, in W·m⁻².
         limit: f64,
     },
-    /// A surface was named that the scene does not have.
+    /// The scene has no surface of the given name.
     #[error("there is no surface `{}`; the first ones are `{}`", quoted(.name), printable_message(.known))]
     UnknownSurface {
         /// The name.
@@ -387,7 +387,7 @@ pub enum SceneErrorKind {
         /// Names that the scene has.
         known: String,
     },
-    /// The parser refused a text that had been checked: a defect of this crate, reported instead of hidden.
+    /// The parser refused a text that had passed the checks: a defect of this crate.
     #[error("the parser disagrees with the check before it ({}); please report the file", printable_message(.message))]
     Parser {
         /// The parser's message.
@@ -399,7 +399,7 @@ pub enum SceneErrorKind {
         /// The fault, and the remedy.
         message: String,
     },
-    /// A lighting file that cannot be understood, or names what the scene does not have.
+    /// A lighting file that cannot be understood, or names a surface or material that the scene does not have.
     #[error("{}", printable_message(.message))]
     BadLighting {
         /// The fault, and the remedy.
@@ -411,7 +411,7 @@ pub enum SceneErrorKind {
         /// The fault, and the remedy.
         message: String,
     },
-    /// A file of boundary conditions that cannot be understood, or names what the scene does not have.
+    /// A file of boundary conditions that cannot be understood, or names a surface or group that the scene does not have.
     #[error("{}", printable_message(.message))]
     BadBoundary {
         /// The fault, and the remedy.
@@ -439,7 +439,7 @@ pub enum SceneErrorKind {
     /// No built-in scene has this name.
     #[error("there is no built-in scene `{name}`; choose one of {known}")]
     UnknownBuiltin {
-        /// The name asked for.
+        /// The requested name.
         name: String,
         /// The names that there are.
         known: String,
@@ -455,7 +455,7 @@ pub enum SceneErrorKind {
     LevelTooHigh {
         /// The scene.
         name: String,
-        /// The level asked for.
+        /// The requested level.
         level: u32,
         /// The greatest level.
         max: u32,
@@ -475,7 +475,7 @@ impl SceneError {
         self.kind.name()
     }
 
-    /// Returns the file to blame, or `None` for an error without one.
+    /// Returns the file at fault, or `None` for an error without one.
     #[must_use]
     pub fn file(&self) -> Option<&Path> {
         match &self.at {
@@ -484,7 +484,7 @@ impl SceneError {
         }
     }
 
-    /// Returns the line to blame, counted from 1, or `None` for an error that is not about one line.
+    /// Returns the line at fault, counted from 1, or `None` for an error that is not about one line.
     #[must_use]
     pub fn line(&self) -> Option<u32> {
         self.at.line_number()
@@ -492,7 +492,7 @@ impl SceneError {
 }
 
 impl SceneErrorKind {
-    /// Returns the error that something else was expected than what was found.
+    /// Returns the error that `expected` was required and `found` was read.
     pub(super) fn malformed(expected: impl Into<String>, found: impl Into<String>) -> Self {
         Self::Malformed {
             expected: expected.into(),
@@ -500,7 +500,7 @@ impl SceneErrorKind {
         }
     }
 
-    /// Returns the error that something is not read, with its remedy.
+    /// Returns the error of an unsupported part, with its remedy.
     pub(super) fn unsupported(message: impl Into<String>) -> Self {
         Self::Unsupported {
             message: message.into(),

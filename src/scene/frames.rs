@@ -53,13 +53,13 @@ impl Content for Motion {
 }
 
 impl Frame {
-    /// Returns the motions, in their order.
+    /// Returns the motions in order.
     #[must_use]
     pub fn motions(&self) -> Vec<Motion> {
         self.moves.iter().map(|(_, motion)| motion.clone()).collect()
     }
 
-    /// Returns the pose that the motions bring the scene to; `file` is the list that the frame comes from.
+    /// Returns the pose of the scene after the motions; `file` is the list that the frame comes from.
     ///
     /// # Errors
     /// [`BadFrames`](crate::scene::SceneErrorKind::BadFrames), with the line, for a motion that the scene cannot make.
@@ -79,7 +79,7 @@ impl Frame {
             pose.push(scene, motion).map_err(refused)?;
             placed = Some(scene.placed(&pose).map_err(refused)?);
         }
-        // On the way, one object may lie where the next one leaves.
+        // During the motions, one object may lie at a place that another one leaves later.
         if let Some(placed) = placed {
             placed.expect_no_overlap(&pose).map_err(|error| {
                 let moves_it = |motion: &Motion| match &error {
@@ -94,7 +94,7 @@ impl Frame {
     }
 }
 
-/// Reads a list of frames from a TOML file; there is one frame at least, and no two have the same name.
+/// Reads a list of frames from a TOML file; it has at least one frame, and all names differ.
 ///
 /// ```toml
 /// [[frame]]
@@ -110,8 +110,8 @@ impl Frame {
 /// Paths are relative to the file.
 ///
 /// # Errors
-/// A file that cannot be read; [`BadFrames`](crate::scene::SceneErrorKind::BadFrames), with the line, for what is no such TOML, a name that is empty, is not to be a part of a file's name or
-/// comes twice, or a list without frames.
+/// A file that cannot be read; [`BadFrames`](crate::scene::SceneErrorKind::BadFrames), with the line, for text that is no such TOML, a name that is empty, repeated or unfit to be a part of a
+/// file's name, or a list without frames.
 pub fn load(file: impl AsRef<Path>) -> Result<Vec<Frame>, SceneError> {
     let file = file.as_ref();
     listed(&TomlFile::read(file, BAD)?, file)
@@ -126,7 +126,7 @@ pub fn parse(text: String, name: impl AsRef<Path>) -> Result<Vec<Frame>, SceneEr
     listed(&TomlFile::of_text(name.to_owned(), text, BAD), name)
 }
 
-/// The kind of error of what is wrong in a list.
+/// Makes the error kind of this file format from a message.
 const BAD: fn(String) -> SceneErrorKind = |message| SceneErrorKind::BadFrames { message };
 
 fn listed(list: &TomlFile, file: &Path) -> Result<Vec<Frame>, SceneError> {
@@ -172,7 +172,7 @@ fn listed(list: &TomlFile, file: &Path) -> Result<Vec<Frame>, SceneError> {
     Ok(frames)
 }
 
-/// Refuses a pipe or a device that a list names; what is not there, its reader reports.
+/// Refuses a pipe or a device that a list names; the reader reports missing files.
 fn expect_plain(list: &Path, named: &Path) -> Result<(), String> {
     match input_file::expect_plain(&list.parent().unwrap_or(Path::new("")).join(named)) {
         Err(error) if error.kind() == io::ErrorKind::InvalidInput => Err(format!("`{}`: {error}", named.display())),

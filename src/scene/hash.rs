@@ -7,15 +7,15 @@ use sha2::{Digest, Sha256};
 use super::{MaterialId, Scene};
 
 impl Scene {
-    /// Returns the SHA-256 of what the scene says, as 64 hexadecimal digits.
+    /// Returns the SHA-256 of a scene's content, as 64 hexadecimal digits.
     ///
     /// Two scenes have the same hash if they have the same faces (corner positions to the last bit, with the same first corner), in the same order, with
-    /// the same surfaces and materials, names included. How vertices and materials are numbered and laid out in
-    /// a file, comments, line numbers and what no face uses do not matter; 0 and −0 are the same.
+    /// the same surfaces and materials, names included. The numbering and layout of vertices and materials in
+    /// a file, comments, line numbers and unused elements do not matter; 0 and −0 are the same.
     #[must_use]
     pub fn content_hash(&self) -> String {
         let mut hasher = Sha256::new();
-        // The first line tells a later layout of these bytes from this one.
+        // The first line distinguishes later layouts of these bytes.
         hasher.update(b"radiosity scene 1\n");
         count(&mut hasher, self.surfaces.len());
         for surface in &self.surfaces {

@@ -1,4 +1,4 @@
-//! Other lights and other paints for a scene whose geometry stays.
+//! Other emitters and reflectances for a scene with the same geometry.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -23,8 +23,8 @@ use crate::printable::quoted;
 /// reflectance = 0.8
 /// ```
 ///
-/// A number counts for all three channels. In a name, `*` stands for any text; a name that is that of the scene counts before one with `*`, and of these the one with more letters.
-/// Everything else stays as the scene has it; where a surface and its material are both named, the surface counts.
+/// A number counts for all three channels. In a name, `*` stands for any text; an equal name takes precedence over one with `*`, and of these the one with more letters.
+/// All other values are those of the scene. Where both a surface and its material are named, the surface takes precedence.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Lighting {
     by_surface: BTreeMap<u32, Change>,
@@ -38,14 +38,14 @@ struct Change {
     reflectance: Option<[f64; 3]>,
 }
 
-/// New values, each with how closely a name in the file fits.
+/// New values, each with the closeness of the name that sets it.
 #[derive(Clone, Copy, Debug, Default)]
 struct Found {
     exitance: Option<(usize, [f64; 3])>,
     reflectance: Option<(usize, [f64; 3])>,
 }
 
-/// Takes a value of a name that fits more closely than the one before.
+/// Replaces a value by that of a name that fits more closely.
 fn take_closer(old: &mut Option<(usize, [f64; 3])>, closeness: usize, value: Option<[f64; 3]>) {
     if let Some(value) = value
         && old.is_none_or(|(known, _)| closeness > known)
@@ -54,7 +54,7 @@ fn take_closer(old: &mut Option<(usize, [f64; 3])>, closeness: usize, value: Opt
     }
 }
 
-/// Returns the numbers of the names that a name of a file means, and how closely it fits: without bounds for an equal one, else by the letters beside `*`.
+/// Returns the numbers of the names that match a pattern, and its closeness: `usize::MAX` for an equal name, else the number of letters beside `*`.
 fn meant(name: &str, known: &[&str]) -> (usize, Vec<u32>) {
     let those = |fits: &dyn Fn(&str) -> bool| {
         let all = (0_u32..).zip(known).filter(|(_, one)| fits(one));
@@ -107,7 +107,7 @@ impl Lighting {
     /// Reads a lighting of a scene from a TOML file.
     ///
     /// # Errors
-    /// A file that cannot be read; [`BadLighting`](crate::scene::SceneErrorKind::BadLighting), with the line, for what is no such TOML, a name that the scene does not have, a reflectance
+    /// A file that cannot be read; [`BadLighting`](crate::scene::SceneErrorKind::BadLighting), with the line, for text that is no such TOML, a name that the scene does not have, a reflectance
     /// outside \[0, 1\], or an exitance that is negative, between 0 and [`MIN_EXITANCE`], above [`MAX_EXITANCE`], or overflows with the area that emits it.
     pub fn load(file: impl AsRef<Path>, scene: &Scene) -> Result<Self, SceneError> {
         Self::load_up_to(file, scene, MAX_EXITANCE)
@@ -205,7 +205,7 @@ impl Lighting {
         })
     }
 
-    /// Returns the greatest reflectance that it gives to anything, 0 if none.
+    /// Returns the greatest reflectance that it sets, 0 if none.
     #[must_use]
     pub fn reflectance_max(&self) -> f64 {
         let changes = self.by_surface.values().chain(self.by_material.values());
@@ -213,12 +213,12 @@ impl Lighting {
         reflectances.fold(0.0, f64::max)
     }
 
-    /// Returns the greatest reflectance that any of some lightings gives to anything, 0 if none.
+    /// Returns the greatest reflectance that any of the lightings sets, 0 if none.
     pub fn greatest_reflectance<'a>(lightings: impl IntoIterator<Item = &'a Self>) -> f64 {
         lightings.into_iter().map(Self::reflectance_max).fold(0.0, f64::max)
     }
 
-    /// Returns whether it states a reflectance of what is made of a material and belongs to a surface.
+    /// Returns whether it sets the reflectance of faces of a surface and a material.
     pub(super) fn states_reflectance(&self, surface: SurfaceId, material: MaterialId) -> bool {
         let changes = [self.by_surface.get(&surface.0), self.by_material.get(&material.0)];
         changes.iter().flatten().any(|change| change.reflectance.is_some())
@@ -234,7 +234,7 @@ impl Lighting {
         exitances.any(|exitance| exitance.iter().any(|&e| e > 0.0))
     }
 
-    /// Returns the scene as this lighting shows it: each face with a material of its own surface and old material.
+    /// Returns the scene in this lighting: each face has a material of its own surface and old material.
     #[must_use]
     pub fn apply(&self, scene: &Scene) -> Scene {
         let mut lit = scene.clone();
@@ -248,7 +248,7 @@ impl Lighting {
                     reflectance,
                     exitance,
                 });
-                // No more pairs than faces, which have 32-bit ids.
+                // There are no more pairs than faces, which have 32-bit ids.
                 MaterialId(u32::try_from(lit.materials.len() - 1).unwrap_or(u32::MAX))
             });
             face.material = id;
@@ -256,7 +256,7 @@ impl Lighting {
         lit
     }
 
-    /// Returns ρ and E, W·m⁻², of what is made of a material and belongs to a surface.
+    /// Returns ρ and E, W·m⁻², of faces of a surface and a material.
     ///
     /// # Panics
     /// If the scene has no such material.

@@ -13,7 +13,7 @@ pub(super) struct Statement<'a> {
     pub(super) line: u32,
     /// The first word.
     pub(super) keyword: &'a str,
-    /// All after the first word, without blanks at the ends; a `#` may be part of it.
+    /// The text after the first word, without blanks at the ends; a `#` may be part of it.
     pub(super) rest: &'a str,
 }
 
@@ -38,7 +38,7 @@ pub(super) fn read_text(file: &Path, limit: u64) -> Result<String, SceneError> {
     })
 }
 
-/// Reads a file as [`read_text`] does that not the user names, but another file: it must be a plain one.
+/// Reads a file as [`read_text`] does, and refuses pipes and devices: the name comes from another file.
 pub(super) fn read_named_text(file: &Path, limit: u64) -> Result<String, SceneError> {
     input_file::expect_plain(file)
         .map_err(|source| SceneError::new(Origin::file(file.to_owned()), SceneErrorKind::Unreadable { source }))?;

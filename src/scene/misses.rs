@@ -1,4 +1,4 @@
-//! Signs that short decimals were rounded: outlines that are nearly flat or nearly square, their halves, and vertices that nearly lie on an edge.
+//! Detects rounding of short decimals: nearly flat or nearly square outlines, their halves, and vertices that nearly lie on an edge.
 
 use foldhash::{HashMap, HashMapExt as _};
 use glam::DVec3;
@@ -8,13 +8,13 @@ use super::{Corners, Scene, Written};
 use crate::geometry::box_pairs::overlapping_pairs;
 use crate::geometry::polygon;
 
-/// Outlines and edges that are shorter than so many units tell nothing: a unit is a part of their shape.
+/// The length, in units of the last digit, below which outlines and edges are no evidence: a unit is a part of their shape.
 const MIN_UNITS: f64 = 100.0;
 
-/// The same of a turned rectangle, whose four corners are to be right angles to 6 degrees or better.
+/// The same for a turned rectangle: its four corners must be right angles to 6 degrees or better.
 const MIN_SIDE: f64 = 30.0;
 
-/// The least share of rectangles that miss a right angle among pairs of triangles that make a quadrilateral: of an irregular mesh some do by chance.
+/// The least share of rectangles that miss a right angle among pairs of triangles that form a quadrilateral: in an irregular mesh some do by chance.
 const MIN_SHARE: f64 = 0.25;
 
 /// The rounding of f64 in heights and cosines that are 0.
@@ -24,16 +24,16 @@ const NOISE: f64 = 1e-12;
 #[derive(Clone, Copy, Debug, Default)]
 #[expect(clippy::struct_field_names, reason = "counts are named n_ everywhere")]
 pub(super) struct Misses {
-    /// Outlines that are bent by no more than a unit.
+    /// The number of outlines that are bent by at most a unit.
     n_nearly_flat: usize,
-    /// Outlines that are bent by more, as they were meant.
+    /// The number of outlines that are bent by more, deliberately.
     n_bent: usize,
-    /// Turned rectangles whose corners miss a right angle.
+    /// The number of turned rectangles whose corners miss a right angle.
     n_nearly_square: usize,
 }
 
 impl Misses {
-    /// Looks at an outline as the file has it.
+    /// Examines an outline of the file.
     pub(super) fn see(&mut self, corners: &[DVec3], written: &Written) {
         if corners.len() < 4 {
             return;
@@ -54,7 +54,9 @@ impl Misses {
         }
     }
 
-    /// Returns whether the faces of a file, which were seen, or its vertices miss each other by no more than a unit. Work: O(n log n) for n faces, unless boxes around edges meet many vertices.
+    /// Returns whether the examined faces of a file, or its vertices, miss each other by no more than a unit.
+    ///
+    /// Work: O(n log n) for n faces, unless boxes around edges meet many vertices.
     pub(super) fn show_rounding(self, scene: &Scene, written: &Written) -> bool {
         self.n_nearly_flat > self.n_bent
             || self.n_nearly_square > 0
@@ -63,7 +65,7 @@ impl Misses {
     }
 }
 
-/// Returns whether the corners between four edges, none of which is along an axis, are right angles but for what ends that are off by a unit explain.
+/// Returns whether the corners between four edges, none along an axis, are right angles up to an error of a unit at their ends.
 fn is_nearly_square(edges: [DVec3; 4], unit: f64) -> bool {
     if edges.iter().any(|&edge| is_along_axis(edge)) {
         return false;
@@ -78,12 +80,12 @@ fn is_nearly_square(edges: [DVec3; 4], unit: f64) -> bool {
     cosines.iter().all(Option::is_some) && cosines.iter().flatten().any(|&cosine| cosine > NOISE)
 }
 
-/// Returns whether of the triangles that have their longest edge in common many are the halves of a turned rectangle whose corners miss a right angle.
+/// Returns whether many pairs of triangles with a common longest edge are halves of turned rectangles whose corners miss a right angle.
 fn has_nearly_square_halves(scene: &Scene, written: &Written) -> bool {
     let (low, high) = scene.bounding_box();
     let unit = written.unit(low.abs().max(high.abs()).max_element());
     let at = |v: u32| scene.vertices[v as usize];
-    // The corner opposite of the longest edge, by that edge.
+    // The corner opposite the longest edge, by that edge.
     let mut apex_of: HashMap<[u32; 2], u32> = HashMap::new();
     let (mut n_pairs, mut n_nearly_square) = (0_u32, 0_u32);
     for face in &scene.faces {
@@ -99,7 +101,7 @@ fn has_nearly_square_halves(scene: &Scene, written: &Written) -> bool {
         if let Some(&other) = apex_of.get(&[to, from]) {
             let [a, b, c, d] = [from, other, to, apex].map(at);
             let edges = [b - a, c - b, d - c, a - d];
-            // Upright walls tell nothing.
+            // An edge along an axis keeps right angles exact, so upright walls are no evidence.
             n_pairs += u32::from(!edges.into_iter().any(is_along_axis));
             n_nearly_square += u32::from(is_nearly_square(edges, unit));
         }
@@ -108,9 +110,9 @@ fn has_nearly_square_halves(scene: &Scene, written: &Written) -> bool {
     n_nearly_square > 0 && f64::from(n_nearly_square) >= MIN_SHARE * f64::from(n_pairs)
 }
 
-/// Returns whether a vertex is off an edge of a face that is not its own by less than a unit.
+/// Returns whether a vertex lies less than a unit off an edge of a face to which it does not belong.
 ///
-/// Vertices are a unit apart at least, as are gaps that are meant: these show nothing.
+/// Distinct vertices and intended gaps are at least a unit apart, so they are not counted.
 fn has_vertex_beside_edge(scene: &Scene, written: &Written) -> bool {
     let (low, high) = scene.bounding_box();
     let unit = written.unit(low.abs().max(high.abs()).max_element());
@@ -121,7 +123,7 @@ fn has_vertex_beside_edge(scene: &Scene, written: &Written) -> bool {
         for (k, &a) in corners.iter().enumerate() {
             let edge = [a, corners[(k + 1) % corners.len()]];
             let [from, to] = edge.map(|v| scene.vertices[v as usize]);
-            // Of an edge along an axis, whatever is off it is so by a unit or more.
+            // Distances from an edge along an axis are whole units.
             if from.distance(to) >= 2.0 * MIN_UNITS * unit && !is_along_axis(to - from) {
                 edges.push(edge);
                 faces.push(corners);
@@ -211,7 +213,7 @@ mod tests {
         // Millimetres, which are whole numbers.
         let of_metres = turned(&FLOOR, tilted);
         assert!(shows_rounding(&[&of_metres], |x| format!("{:.0}", 1000.0 * x)));
-        // Both halves of it alone.
+        // Each of its halves alone.
         for (turn, places, expected) in [
             (DQuat::IDENTITY, 2, false),
             (DQuat::from_rotation_z(0.4), 2, true),
@@ -225,7 +227,7 @@ mod tests {
             let found = shows_rounding(&halves.each_ref().map(Vec::as_slice), |x| format!("{x:.places$}"));
             assert_eq!(found, expected, "halves, {turn} {places}");
         }
-        // A rectangle through no axis whose corners are whole numbers, and outlines that are bent on purpose.
+        // A rectangle along no axis with integer corners, and outlines that are bent on purpose.
         let square = [
             [0.0, 0.0, 0.0],
             [300.0, 400.0, 0.0],

@@ -1,7 +1,7 @@
 //! A validated scene: vertices, flat faces that see along their normal, named surfaces, materials.
 //!
 //! [`load`] reads files of any [`Format`], [`builtin::build`] makes the scenes of the literature, [`write_obj`] writes either,
-//! and a [`Camera`] looks at it.
+//! and a [`Camera`] is the view of a scene.
 
 pub mod topology;
 
@@ -52,14 +52,14 @@ pub(crate) use rounding::{SLACK_PER_CORNER, slack_of};
 pub use warning::{SceneWarning, SceneWarningKind};
 pub use written::Written;
 
-/// The greatest number of faces in a scene, 2³¹ − 1: a hit is a face and a side in 32 bits
+/// The greatest number of faces in a scene, 2³¹ − 1: a hit stores a face and a side in 32 bits
 /// (see [`HitBatch`](crate::visibility::HitBatch)).
 pub const MAX_FACES: u32 = u32::MAX / 2;
 
 /// The greatest number of corners of one face of a file.
 pub const MAX_CORNERS: u32 = 1 << 20;
 
-/// The greatest |coordinate| in a scene, in m: beyond it, products of lengths leave the range of the f32 that rays are traced in.
+/// The greatest |coordinate| in a scene, in m: beyond it, products of lengths leave the range of f32, in which rays are traced.
 pub const MAX_COORDINATE: f64 = 1e15;
 
 /// Index of a face in [`Scene::faces`].
@@ -94,7 +94,7 @@ impl Corners {
     }
 }
 
-/// One flat face: a triangle or a planar convex quad that sees along its normal and blocks from both sides.
+/// One flat face: a triangle or a planar convex quad that sees along its normal and occludes from both sides.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Face {
     /// Indices into [`Scene::vertices`].
@@ -103,7 +103,7 @@ pub struct Face {
     pub surface: SurfaceId,
     /// The face's material.
     pub material: MaterialId,
-    /// The line of the scene file that the face comes from; of binary files and of a scene made in memory its number, as [`Scene::numbering`] counts.
+    /// The line of the scene file that contains the face; for binary files and scenes in memory its number (see [`Scene::numbering`]).
     pub line: u32,
 }
 
@@ -136,13 +136,13 @@ pub struct Scene {
     pub surfaces: Vec<Surface>,
     /// Materials in the order of first use.
     pub materials: Vec<Material>,
-    /// How finely the coordinates are written in the file; `None` for a scene made in memory, where they are what is meant.
+    /// The precision of the coordinates in the file; `None` for a scene made in memory, whose coordinates are exact.
     pub written: Option<Written>,
     /// The things that the numbers of faces count.
     pub numbering: Numbering,
 }
 
-/// Where the corners of a face are, without memory of their own: faces that are looked at in pairs are looked at very often.
+/// The corner positions of a face without heap memory, for the many tests of pairs of faces.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Positions {
     at: [DVec3; 4],
@@ -178,7 +178,7 @@ impl Scene {
         place.and_then(|k| u32::try_from(k).ok()).map(SurfaceId)
     }
 
-    /// Returns where the corners of a face are.
+    /// Returns the corner positions of a face without heap memory.
     pub(crate) fn positions(&self, face: &Face) -> Positions {
         let vertices = face.corners.as_slice();
         Positions {
@@ -227,7 +227,7 @@ impl Scene {
         polygon::bounds(used.map(|&v| &self.vertices[v as usize]))
     }
 
-    /// Gives materials of one name that differ names of their own: the name of the first surface that has them, behind the old one.
+    /// Renames different materials of one name: each gets the name of the first surface that has it appended.
     pub(crate) fn name_materials_apart(&mut self) {
         let mut surface_of = vec![None; self.materials.len()];
         for face in &self.faces {

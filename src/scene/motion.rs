@@ -1,4 +1,4 @@
-//! Objects of a scene, moved.
+//! Moves objects of a scene.
 
 use std::collections::HashMap;
 
@@ -12,7 +12,7 @@ use crate::printable::{printable_message, quoted};
 
 /// A rigid motion: a rotation about a point, then a translation.
 ///
-/// x ↦ c + R (x − c) + t, in m. Without a rotation x ↦ x + t, to one rounding.
+/// x ↦ c + R (x − c) + t, in m; without a rotation x ↦ x + t, rounded once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct RigidMotion {
     /// R and c.
@@ -75,7 +75,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Returns whether a surface is among those that move.
+    /// Returns whether the motion moves a surface.
     pub(super) fn moves(&self, name: &str) -> bool {
         self.surface.as_slice().iter().any(|moving| moving == name)
     }
@@ -101,7 +101,7 @@ impl Names {
     }
 }
 
-/// Why objects cannot be moved; each message is what is wrong and the remedy.
+/// A reason why objects cannot be moved; each message contains the remedy.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
 pub enum MotionError {
@@ -125,41 +125,41 @@ pub enum MotionError {
     /// A number is not finite, or an axis has no direction.
     #[error("`{name}` = {value} is no {wanted}; correct it")]
     BadNumber {
-        /// Which one.
+        /// Its name.
         name: &'static str,
-        /// Its kind.
+        /// The given value.
         value: String,
         /// The expected value.
         wanted: &'static str,
     },
-    /// A corner goes where no corner may be.
+    /// A corner would leave the range of coordinates.
     #[error("`{}` is moved beyond {MAX_COORDINATE:e} m; move it less far", quoted(.surface))]
     TooFar {
         /// The surface.
         surface: String,
     },
-    /// A face comes to lie on another in one plane.
+    /// A face would lie on another in one plane, with the same winding.
     #[error("a face of `{}` comes to lie on one of `{}` in one plane, with the same orientation, so radiation would count twice; move it elsewhere",
         quoted(.surface), quoted(.other))]
     Coincident {
-        /// The surface that the face belongs to, one that moves.
+        /// The surface of the face, one that moves.
         surface: String,
-        /// The other's.
+        /// The surface of the other face.
         other: String,
     },
 }
 
-/// Where the surfaces of a scene are: as the scene has them, but for motions that are done one after another.
+/// The positions of the surfaces of a scene, as motions that are applied in order.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pose {
     motions: Vec<(Vec<SurfaceId>, RigidMotion)>,
 }
 
 impl Pose {
-    /// Adds a motion after those before.
+    /// Adds a motion after the earlier ones.
     ///
     /// # Errors
-    /// [`MotionError`] for all but what only the whole pose can show, which [`Scene::posed`] tells.
+    /// [`MotionError`] except for faults that only the whole pose can show; [`Scene::posed`] reports these.
     pub fn push(&mut self, scene: &Scene, motion: &Motion) -> Result<(), MotionError> {
         let surfaces = motion
             .surface
@@ -222,7 +222,7 @@ impl Pose {
         own.map(|(_, motion)| motion)
     }
 
-    /// Returns the middle of the box around some surfaces, where they are now.
+    /// Returns the middle of the box around surfaces in their current positions.
     fn middle(&self, scene: &Scene, surfaces: &[SurfaceId]) -> DVec3 {
         let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let faces = scene.faces.iter().filter(|face| surfaces.contains(&face.surface));
@@ -236,9 +236,9 @@ impl Pose {
 }
 
 impl Scene {
-    /// Returns the scene with its surfaces in a pose: the same faces in the same order, with vertices of their own where they moved.
+    /// Returns the scene with its surfaces in a pose: the same faces in the same order, with new vertices where they moved.
     ///
-    /// Objects may pass through each other, but for faces of one winding in one plane, and leave or meet what they stood on: a vertex is shared where positions are the same to the last bit, as always.
+    /// Objects may interpenetrate, and leave or meet other objects, except for faces of one winding in one plane; positions equal to the last bit share a vertex.
     /// Faces that do not move keep their corners to the last bit.
     ///
     /// # Errors
@@ -249,7 +249,7 @@ impl Scene {
         Ok(posed)
     }
 
-    /// Returns the scene in a pose that others may follow: faces may lie on one another.
+    /// Returns the scene in a pose before further motions: faces may lie on one another.
     pub(super) fn placed(&self, pose: &Pose) -> Result<Self, MotionError> {
         let name = |surface: SurfaceId| self.surfaces[surface.0 as usize].name.clone();
         let mut posed = Self {
@@ -269,7 +269,7 @@ impl Scene {
                 let key = position.to_array().map(f64::to_bits);
                 Ok(*vertex_of_position.entry(key).or_insert_with(|| {
                     posed.vertices.push(position);
-                    // Each face adds four at most, and there are less than 2^31 faces; memory ends before.
+                    // Each face adds at most four, and there are fewer than 2³¹ faces; memory ends earlier.
                     u32::try_from(next).unwrap_or(u32::MAX)
                 }))
             };
@@ -287,7 +287,7 @@ impl Scene {
         Ok(posed)
     }
 
-    /// Refuses a scene that a pose made, if faces lie on one another.
+    /// Refuses a posed scene in which faces lie on one another.
     pub(super) fn expect_no_overlap(&self, pose: &Pose) -> Result<(), MotionError> {
         if pose.motions.is_empty() {
             return Ok(());
@@ -360,7 +360,7 @@ mod tests {
             assert_eq!(posed.polygon(id), expected);
             assert_eq!(pose.moves(surface), moved);
         }
-        // Back again, the corners meet.
+        // After the way back, the corners meet.
         let back = Motion {
             translate: Some([0.0, 0.0, -0.5]),
             ..motion("z1")
@@ -383,7 +383,7 @@ mod tests {
         let turned = pose.point(x0, DVec3::new(3.0, 0.0, 1.0));
         assert!(turned.distance(DVec3::new(2.0, 1.0, 1.0)) < 1e-15, "{turned}");
         assert!(pose.direction(x0, DVec3::X).distance(DVec3::Y) < 1e-15);
-        // A square wall about its middle and its own normal is where it was, to rounding.
+        // A square wall turned about its middle and its own normal is at its old place, to rounding.
         let half = Motion {
             rotate: Some(180.0),
             axis: Some([1.0, 0.0, 0.0]),
@@ -417,7 +417,7 @@ mod tests {
             with(|m| m.surface = Names::One("door".into())),
             "the scene has no surface `door`; it has x0, x1, y0, y1, z0, z1"
         );
-        // One line, whatever a string of TOML may hold.
+        // The message is one line, whatever a string of TOML contains.
         assert!(
             with(|m| m.surface = Names::One("x0\n\0".into()))
                 .starts_with("the scene has no surface `x0\u{fffd}\u{fffd}`; it has x0,")
@@ -497,7 +497,7 @@ mod tests {
             scene.posed(&pose)
         };
         let first: Vec<String> = scene.surfaces[..6].iter().map(|s| s.name.clone()).collect();
-        // Pierced, but in no plane that both have; and side by side.
+        // Interpenetrating objects without a common plane, and adjacent ones, are allowed.
         assert!(pushed(names.clone(), [-1.5, 0.1, 0.1]).is_ok());
         assert!(pushed(names.clone(), [-1.0, 0.0, 0.0]).is_ok());
         for (which, by) in [(names, -1.5), (first, 1.5)] {

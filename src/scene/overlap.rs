@@ -1,4 +1,4 @@
-//! Faces of one winding that overlap in one plane: the area in common would count twice.
+//! Finds faces of one winding that overlap in one plane, whose common area would count twice.
 
 use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
@@ -14,28 +14,30 @@ use crate::geometry::polygon;
 
 /// The width of a strip that two faces may share by the rounding of six digits, in units of the greatest |coordinate|.
 ///
-/// Files with six digits place a corner up to 5e-6 of it off along each axis, and edges that ought to meet up to √8 times that over one another.
+/// Files with six digits place a corner up to 5e-6 of it off along each axis, and edges that should meet up to √8 times that over one another.
 const SIX_DIGITS: f64 = 2e-5;
 
-/// The width of the same strip in units of the last digit that is written.
+/// The width of the same strip in units of the last written digit.
 const UNITS: f64 = 2.0;
 
-/// The width, in such strips, of a face that lies on another for the most part by rounding alone: such a face is itself hardly wider than what rounding makes.
+/// The least width, in such strips, of a common part that covers most of a face: narrower ones may be due to rounding alone.
 const COVERED: f64 = 0.05;
 
 /// The uncertainty of a distance between planes in f64, in units of the greatest |coordinate|.
 const ULPS: f64 = 8.0 * f64::EPSILON;
 
-/// The greatest angle between the normals of two faces in one plane, in rad: a narrow face does not tell its normal better.
+/// The greatest angle between the normals of two faces in one plane, in rad; the normal of a narrow face is no more accurate.
 const PARALLEL: f64 = 0.14;
 
-/// The same, at most, of faces so small that the rounding of their corners turns them. Faces that meet at 45 degrees or more are never in one plane.
+/// The greatest such angle of faces that are small enough for rounding to turn them.
+///
+/// Faces that meet at 45 degrees or more are never in one plane.
 const PARALLEL_IF_ROUNDED: f64 = 0.6;
 
-/// How much of a face that is hardly wider than what rounding makes has to lie on another one: neighbours whose corners are rounded lie on each other in part.
+/// The share of a face as narrow as the rounding that must lie on another face: neighbours with rounded corners overlap in part.
 const COVERED_IF_ROUNDED: f64 = 0.9;
 
-/// At most so many overlaps are listed: more than any model has where faces are drawn on others, and 400 MB.
+/// The greatest number of overlaps in a list, which takes 400 MB; it exceeds that of any model with faces drawn on others.
 pub(super) const MAX_OVERLAPS: usize = 1 << 24;
 
 /// Two faces that overlap in one plane with the same winding.
@@ -43,19 +45,19 @@ pub(super) const MAX_OVERLAPS: usize = 1 << 24;
 pub(super) struct Overlap {
     /// The faces, the one of the greater line first.
     pub(super) faces: [FaceId; 2],
-    /// The area in common, in m².
+    /// The common area, in m².
     pub(super) area: f64,
 }
 
-/// Returns two faces that overlap in one plane with the same winding, the one of the greater line first: of all such pairs the first by their lines.
+/// Returns two faces that overlap in one plane with the same winding, the one of the greater line first; of all such pairs, the first by their lines.
 ///
 /// Two faces lie in one plane where no corner of the smaller is further from the larger's plane than [`PLANARITY`] of its diameter and the rounding of the coordinates
-/// ([`Scene::slack`]). They overlap where the common part is wider (twice its area over its outline's length) than rounding makes it, which goes by the digits of the file
-/// ([`Written`](super::Written)), but is no less than six digits of the scene's size and no more than six digits of the coordinates. Faces that one outline was split into do not overlap.
+/// ([`Scene::slack`]). They overlap where the common part is wider (twice its area over its outline's length) than the rounding. The rounding follows the digits of the file
+/// ([`Written`](super::Written)), but is at least six digits of the scene's size and at most six digits of the coordinates. Faces that one outline was split into do not overlap.
 ///
-/// Where the file shows that it was rounded, faces that are not along the axes are off their plane by half a [unit](super::Written::unit) u of each coordinate. They then lie in one plane where, over all
-/// of the common part, their distance is at most g = Σ u |n|, summed over the axes, with n the larger's normal: g ≤ √3 u. Faces wider than 3 u that were meant to be in one plane are always found, those that
-/// were meant to be 2 g apart never. The common part then has to be wider than 2 u, or be 9/10 of a face that is as narrow.
+/// Where the file shows that it was rounded, faces that are not along the axes are off their plane by half a [unit](super::Written::unit) u of each coordinate. They then lie in one plane where, over
+/// all of the common part, their distance is at most g = Σ u |n|, summed over the axes, with n the larger's normal: g ≤ √3 u. Faces wider than 3 u that were meant to be in one plane are always found,
+/// those meant to be 2 g apart never. The common part must then be wider than 2 u, or be 9/10 of a face that is as narrow.
 ///
 /// Work: O(n log n) for n faces of similar size, and the pairs whose boxes meet.
 pub(super) fn find(scene: &Scene) -> Option<[FaceId; 2]> {
@@ -86,7 +88,7 @@ pub(super) fn all(scene: &Scene) -> Vec<Overlap> {
         }
     });
     if found.len() > MAX_OVERLAPS {
-        // Which are listed is a matter of the scene, not of threads.
+        // A sequential search makes the list independent of the threads.
         found.clear();
         overlapping_pairs(Search::new(scene).1, |a, b| {
             if found.len() < MAX_OVERLAPS
@@ -136,7 +138,7 @@ impl<'a> Search<'a> {
         let [of_a, of_b] = [a, b].map(|face| &self.measured[face as usize]);
         let places = [a, b].map(|face| (self.scene.faces[face as usize].line, face));
         let pair = [places[0].max(places[1]), places[0].min(places[1])];
-        // Built-in scenes have no lines.
+        // Faces of built-in scenes have no lines.
         let is_one_outline = pair[0].0 == pair[1].0 && pair[0].0 != 0;
         (!is_one_outline && of_a.is_parallel_to(of_b)).then_some(pair)
     }
@@ -152,26 +154,26 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Properties of a face that are used again and again.
+/// Properties of a face, computed once.
 struct Measures {
     normal: DVec3,
     area: f64,
     /// The diagonal of its box.
     diameter: f64,
-    /// How far its corners are from its plane.
+    /// The distance of its corners from its plane.
     bend: f64,
     /// The greatest |coordinate|.
     greatest: f64,
-    /// How far two corners may be off that are written as its own are.
+    /// The distance between two corners, meant as one, that are written with its precision.
     off: f64,
     /// The width of the strip that it may share with another face whose coordinates are no greater.
     strip: f64,
-    /// How far its corners may be off along each axis, where the file shows that it was rounded and the face is not along the axes; else 0.
+    /// The greatest rounding of its corners along each axis, where the file shows rounding and the face is not along the axes; else 0.
     half_unit: DVec3,
 }
 
 impl Measures {
-    /// `size`: the diameter of the scene.
+    /// Returns the properties of a face; `size` is the diameter of the scene.
     fn of(scene: &Scene, face: &Face, size: f64) -> Self {
         let corners = scene.positions(face);
         let (low, high) = corners.bounding_box();
@@ -182,7 +184,7 @@ impl Measures {
         let most = SIX_DIGITS * greatest;
         let least = (SIX_DIGITS * size).max(ULPS * greatest).min(most);
         let rounded = scene.written.filter(Written::may_part_points);
-        // What was meant to be along the axes is so after rounding, and meets what it met.
+        // Faces along the axes stay so after rounding, and keep their contacts.
         let rounded = rounded.filter(|_| !is_along_axes(&corners));
         Self {
             normal: vector.normalize_or_zero(),
@@ -196,7 +198,7 @@ impl Measures {
         }
     }
 
-    /// Returns whether the normal is that of another face, as far as both are known.
+    /// Returns whether the normals of two faces are equal within their accuracy.
     fn is_parallel_to(&self, other: &Self) -> bool {
         let angle = PARALLEL + self.lean() + other.lean();
         self.normal.distance(other.normal) <= angle.min(PARALLEL_IF_ROUNDED)
@@ -208,7 +210,7 @@ impl Measures {
     }
 }
 
-/// Returns whether a vector has one component at most.
+/// Returns whether a vector has at most one component that is not 0.
 pub(super) fn is_along_axis(vector: DVec3) -> bool {
     vector.to_array().iter().filter(|x| x.abs() > 0.0).count() < 2
 }
@@ -224,7 +226,7 @@ fn is_along_axes(corners: &[DVec3]) -> bool {
     n_along + usize::from(corners.len() == 3) >= corners.len()
 }
 
-/// Returns the area in common of two faces with nearly the same normal, the larger first, where they lie in one plane and share more there than rounding explains.
+/// Returns the common area of two faces with nearly the same normal, the larger first, where they lie in one plane and share more than rounding explains.
 fn common_area([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2], slack: f64) -> Option<f64> {
     let normal = measures.normal;
     let strip = measures.strip.max(of_small.strip);
@@ -232,7 +234,7 @@ fn common_area([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2
     let half_units = measures.half_unit + of_small.half_unit;
     let is_rounded = half_units.max_element() > 0.0;
     let least = (COVERED * strip).max(if is_rounded { 0.5 * off } else { 0.0 });
-    // What two faces share is no wider than it is across an edge of either.
+    // The common part is no wider than across an edge of either face.
     let apart = |by: &[DVec3], other: &[DVec3]| {
         let mut last = by[by.len() - 1];
         by.iter().any(|&corner| {
@@ -247,7 +249,7 @@ fn common_area([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2
     }
     let is_level = |corners: &[DVec3], gap: f64| corners.iter().all(|&v| normal.dot(v - large[0]).abs() <= gap);
     let ulps = ULPS * measures.greatest.max(of_small.greatest);
-    // Digits of a file count in full where they show that it was rounded, which is where there is slack.
+    // The digits of a file count in full where they show rounding, which is where the slack is positive.
     let rounding = (measures.bend + off)
         .min(PLANARITY * measures.diameter)
         .max(slack.min(off));
@@ -317,7 +319,7 @@ mod tests {
         find(scene).map(|faces| faces.map(|face| scene.faces[face.0 as usize].line))
     }
 
-    /// Upright faces of a scene, shifted far and written with some places after the point.
+    /// Returns a scene of upright faces, shifted far and written with some places after the point.
     fn written(faces: &[&[[f64; 3]]], shift: DVec3, places: usize) -> Scene {
         let mut scene = scene(faces);
         let mut written = Written::new();
@@ -367,7 +369,7 @@ mod tests {
         let t_junction = rectangle([1.0, 2.0], [0.5, 3.0], 0.0);
         let corner = rectangle([1.0, 2.0], [1.0, 2.0], 0.0);
         let above = rectangle([0.2, 0.8], [0.2, 0.8], 1e-4);
-        // What six decimals make of an edge in common.
+        // An edge in common, rounded to six decimals.
         let rounded = rectangle([1.0 - 2e-6, 2.0], [0.5, 3.0], 0.0);
         let folded = [SQUARE[0], SQUARE[1], [0.5, 0.5, 0.1]];
         for (name, face) in [
@@ -424,7 +426,7 @@ mod tests {
                 );
             }
         }
-        // A small sign on a long wall that goes through no axis, with six places.
+        // A small sign on a long wall along no axis, with six places.
         let sign = rectangle([10.0, 10.2], [1.0, 1.1], 0.0);
         let wall = rectangle([0.0, 50.0], [0.0, 3.0], 0.0);
         let mut slanted = scene(&[&wall, &sign]);

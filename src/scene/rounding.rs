@@ -1,4 +1,4 @@
-//! How far the corners of a scene may lie from where they were meant.
+//! The possible rounding of the corners of a scene.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -6,19 +6,20 @@ use rayon::prelude::*;
 use super::{Corners, Face, MaterialId, Scene, SurfaceId, Written};
 use crate::geometry::polygon;
 
-/// Coordinates of fewer digits are taken as meant: 0.25 is a quarter, 0.333333 a third that was rounded.
+/// The number of digits from which coordinates count as rounded: 0.25 is a quarter, 0.333333 a rounded third.
 const MIN_DIGITS: i32 = 6;
 
-/// Heights of a rounded corner over the plane of three others, by the rounding of a coordinate: the standard deviation is about 1.
+/// The greatest height of a rounded corner over the plane of three others, in units of the rounding of a coordinate: the standard deviation is about 1.
 const HEIGHT: f64 = 4.0;
 
-/// The distance within which faces count as touching: the rounding of a coordinate in each of three directions.
+/// The ratio of [`Scene::slack`] to the greatest shift of a corner, which is the rounding of a coordinate in each of three directions.
 pub(crate) const SLACK_PER_CORNER: f64 = HEIGHT / 1.732_050_807_568_877_2;
 
 impl Scene {
-    /// Returns the height, in m, up to which faces that were meant to touch or to lie in one plane may stand out from each other: two units of the last digit in which the file has its coordinates, or
-    /// twice what a quad is bent, if that is more. Files with five digits or fewer or whole numbers alone, scenes along the axes, and those made in memory are meant as they are, but for bent quads.
+    /// Returns the height, in m, by which faces that were meant to touch or to lie in one plane may be apart.
     ///
+    /// It is two units of the last digit of the file's coordinates, or twice the bend of a quad, if that is more. Apart from bent quads, it is 0 for files
+    /// with at most five digits or with whole numbers alone, for scenes along the axes, and for scenes made in memory.
     /// Rotated scenes in files with six decimals have 2e-6. Thinner gaps are indistinguishable from contact.
     pub(crate) fn slack(&self) -> f64 {
         let quads = self.faces.par_iter().filter(|face| face.corners.as_slice().len() > 3);
@@ -37,9 +38,9 @@ impl Scene {
         })
     }
 
-    /// Returns how the coordinates are written if they were rounded ([`Written::shows_rounding`]): each may then be off by half of its [unit](Written::unit).
+    /// Returns the precision of the coordinates if they were rounded ([`Written::shows_rounding`]): each may then be off by half of its [unit](Written::unit).
     ///
-    /// Half a unit of no more than the rounding of f64 is none.
+    /// Units within the rounding of f64 do not count.
     pub(crate) fn rounded(&self) -> Option<Written> {
         let written = self.written.filter(Written::shows_rounding)?;
         let is_known = |x: f64| written.unit(x.abs()) <= 4.0 * f64::EPSILON * x.abs();
@@ -47,7 +48,7 @@ impl Scene {
         (!coordinates.all(|x| x.abs() <= 0.0 || is_known(x))).then_some(written)
     }
 
-    /// Returns by how much a coordinate may have been rounded, in m.
+    /// Returns the greatest rounding of a coordinate, in m.
     fn rounding(&self) -> f64 {
         let Some(written) = self.written.filter(|written| written.is_rounded(MIN_DIGITS)) else {
             return 0.0;
@@ -69,9 +70,9 @@ impl Scene {
     }
 }
 
-/// Returns [`Scene::slack`] of faces that a file describes by their corners alone: the digits are those that the coordinates need.
+/// Returns [`Scene::slack`] of faces that are given by their corners alone, with as many digits as the coordinates need.
 ///
-/// Of a coordinate whose last digits are zeros fewer are needed, but hardly of all in a scene that is turned out of the axes.
+/// Trailing zeros of a coordinate are lost, but hardly those of all coordinates in a scene that is not along the axes.
 pub(crate) fn slack_of<'a>(faces: impl Iterator<Item = &'a [DVec3]>) -> f64 {
     let mut scene = Scene::default();
     let mut written = Written::new();
@@ -82,7 +83,7 @@ pub(crate) fn slack_of<'a>(faces: impl Iterator<Item = &'a [DVec3]>) -> f64 {
             corners: match corners.len() {
                 3 => Corners::Triangle([0, 1, 2].map(corner)),
                 4 => Corners::Quad([0, 1, 2, 3].map(corner)),
-                // No scene has such faces.
+                // Scenes have no such faces.
                 _ => continue,
             },
             surface: SurfaceId(0),
@@ -103,7 +104,7 @@ mod tests {
     use super::super::load;
     use super::slack_of;
 
-    /// Returns the slack of a triangle as a file has it, and as its corners alone tell.
+    /// Returns the slack of a triangle as read from a file, and from its corners alone.
     fn slacks(vertices: &str) -> [f64; 2] {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("scene.obj");
@@ -119,7 +120,7 @@ mod tests {
             ("v 0 0 0\nv 0.25 1 0.5\nv 2 0.125 1\n", 0.0),
             ("v 0 0 0\nv 1.333333 1 0.5\nv 2 0.125 1\n", 2e-6),
             ("v 0.000000 0.000000 0.000000\nv 3.100000 1.2 0.5\nv 2 0.125 1\n", 2e-6),
-            // Metres of a map, as heights of a ground are.
+            // Metres of a map, with heights of a ground.
             (
                 "v 500000 5400000 100\nv 500012 5400001 103\nv 500001 5400017 101\n",
                 0.0,
@@ -128,7 +129,7 @@ mod tests {
             ("v 0 0 0\nv 0.333333 0 0\nv 0 0.777777 0\n", 0.0),
             // Six digits in all.
             ("v 0 0 0\nv 4.08446 1 0.005289\nv 2 0.12512 1\n", 2e-5),
-            // A map's coordinates, whose zeros may be left out.
+            // Coordinates of a map, with trailing zeros omitted.
             (
                 "v 500000.5 5400000 100\nv 500012.125 5400001 103\nv 500001 5400017.375 101\n",
                 2e-3,
@@ -140,7 +141,7 @@ mod tests {
             let is_found = |found: f64| (found - expected).abs() <= 1e-3 * expected;
             let [of_file, of_corners] = slacks(vertices);
             assert!(is_found(of_file), "{vertices}: {of_file:e}");
-            // Corners do not tell zeros at the end.
+            // Corners do not show trailing zeros.
             let are_zeros = vertices.contains("3.100000");
             assert!(
                 is_found(of_corners) || (are_zeros && of_corners <= 0.0),

@@ -1,20 +1,20 @@
-//! From the outline of a face in a file to flat faces: quads that are flat and convex stay, all else becomes triangles.
+//! Splits the outline of a face in a file into flat faces: flat convex quads stay, all others become triangles.
 
 use glam::{DVec2, DVec3};
 
 use super::Corners;
 use crate::geometry::polygon;
 
-/// A quad is flat if no corner is further than this from its plane, in units of the diagonal of the quad's bounding box.
+/// The greatest distance of a corner of a flat quad from its plane, in units of the diagonal of the quad's bounding box.
 ///
-/// Exporters commonly write six decimals, so a rotated quad of a metre is flat to about 1e-6 of its size. What
-/// bending remains changes the area by its square.
+/// Exporters commonly write six decimals, so a rotated quad of a metre is flat to about 1e-6 of its size. The
+/// remaining bend changes the area by its square.
 pub(crate) const PLANARITY: f64 = 1e-6;
 
 /// The kind of an outline.
 #[derive(Debug, PartialEq)]
 pub(super) enum Outline {
-    /// Flat faces, as places in the outline, each in the winding of the outline.
+    /// Flat faces, as indices into the outline, each in its winding.
     Faces(Vec<Corners>),
     /// All corners lie on one line.
     ZeroArea,
@@ -24,7 +24,7 @@ pub(super) enum Outline {
 
 /// Splits an outline of at least three different corners.
 ///
-/// - A triangle stays. So does a quad that is flat ([`PLANARITY`]) and strictly convex.
+/// - Triangles, and quads that are flat ([`PLANARITY`]) and strictly convex, stay.
 /// - Other quads are cut along a diagonal that leaves both triangles in front: the shorter one, if both do.
 /// - Larger outlines, flat or not, are projected along the greatest component of their area vector (an affine image of
 ///   the projection along the normal) and cut into triangles by ear clipping (`earcut`). Corners on a straight edge are kept, so that neighbours
@@ -77,7 +77,7 @@ fn split_quad(v: [DVec3; 4], normal: DVec3, size: f64, noise: f64) -> Outline {
 
 fn split_polygon(corners: &[DVec3], area_vector: DVec3, noise: f64) -> Outline {
     let flat = project(corners, area_vector);
-    // Ear clipping would make slivers of corners that are straight but for rounding: they are put back afterwards.
+    // Ear clipping would make slivers of corners that are straight up to rounding: they are restored afterwards.
     let n = flat.len();
     let straight = |i: usize| {
         let (before, after) = (flat[i] - flat[(i + n - 1) % n], flat[(i + 1) % n] - flat[i]);
@@ -101,7 +101,7 @@ fn split_polygon(corners: &[DVec3], area_vector: DVec3, noise: f64) -> Outline {
     if !triangles.iter().all(|&t| has_area(t)) {
         return Outline::SelfIntersecting;
     }
-    // The projection of the outline bounds the signed area; ears that overlap or are missing do not add up to it.
+    // The projected outline has this area; overlapping or missing ears change the sum.
     let total: f64 = triangles.iter().map(|&t| area_2d(&flat, t)).sum();
     let expected = area_vector.abs().max_element();
     if (total - expected).abs() > noise.max(1e-9 * expected) {
@@ -128,13 +128,13 @@ fn area_2d(flat: &[DVec2], t: [u32; 3]) -> f64 {
     0.5 * (b - a).perp_dot(c - a)
 }
 
-/// Replaces triangles whose corners lie on a line but for rounding: ear clipping cuts one where a corner lies on the line between two others.
+/// Replaces triangles whose corners lie on a line up to rounding: ear clipping cuts one where a corner lies on the line between two others.
 ///
-/// The triangle beyond the longest edge of a sliver is cut in two at the sliver's third corner. What has no such neighbour stays.
+/// The triangle beyond the longest edge of a sliver is cut in two at the sliver's third corner. Slivers without such a neighbour stay.
 fn without_slivers(mut triangles: Vec<[u32; 3]>, flat: &[DVec2], noise: f64) -> Vec<[u32; 3]> {
     let length = |a: u32, b: u32| flat[a as usize].distance_squared(flat[b as usize]);
     let turned = |t: [u32; 3], k: usize| [t[k], t[(k + 1) % 3], t[(k + 2) % 3]];
-    // Every exchange gives a sliver a greater angle, or ends it; where rounding lets them go in circles, this ends.
+    // Every exchange gives a sliver a greater angle, or removes it; the limit ends cycles that rounding causes.
     for _ in 0..2 * triangles.len() {
         let exchange = (0..triangles.len()).find_map(|k| {
             if area_2d(flat, triangles[k]) > noise {
@@ -156,7 +156,7 @@ fn without_slivers(mut triangles: Vec<[u32; 3]>, flat: &[DVec2], noise: f64) -> 
     triangles
 }
 
-/// Puts back the corners on straight edges that ear clipping leaves out: the triangle at such an edge becomes a fan.
+/// Restores the corners on straight edges that ear clipping omits: the triangle at such an edge becomes a fan.
 fn restore_straight_corners(triangles: Vec<[u32; 3]>, n_corners: usize) -> Vec<[u32; 3]> {
     let mut used = vec![false; n_corners];
     for i in triangles.iter().flatten() {
@@ -166,7 +166,7 @@ fn restore_straight_corners(triangles: Vec<[u32; 3]>, n_corners: usize) -> Vec<[
         return triangles;
     }
     let after = |i: u32| if i as usize + 1 == n_corners { 0 } else { i + 1 };
-    // The corners left out between a and b, or nothing if a used one lies between them.
+    // The corners omitted between a and b, or none if a used one lies between them.
     let left_out = |a: u32, b: u32| {
         let mut between = Vec::new();
         let mut i = after(a);
@@ -202,7 +202,7 @@ mod tests {
     use super::*;
 
     fn at(points: &[[f64; 2]]) -> Vec<DVec3> {
-        // A plane through no axis, so that nothing is exact by chance.
+        // The plane is along no axis, so that nothing is exact by chance.
         let (u, v) = (DVec3::new(0.6, 0.0, 0.8), DVec3::new(0.48, 0.8, -0.36));
         points
             .iter()
@@ -225,7 +225,7 @@ mod tests {
         faces(corners).iter().map(vector).collect()
     }
 
-    /// Every face is in front, the areas add up, and each edge of the outline belongs to exactly one face.
+    /// Asserts that every face is in front, the areas add up, and each edge of the outline belongs to exactly one face.
     fn assert_tiles(corners: &[DVec3]) {
         let whole = polygon::area_vector(corners);
         let parts = area_vectors(corners);
@@ -248,7 +248,7 @@ mod tests {
         }
     }
 
-    /// The fuzzer found this one: a corner moved onto the line between its second neighbours.
+    /// A case that the fuzzer found: a corner moved onto the line between its second neighbours.
     #[test]
     fn a_corner_on_the_line_between_others_makes_no_triangle_without_area() {
         let hexagon = |depth: f64| {

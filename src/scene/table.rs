@@ -1,6 +1,6 @@
 //! Tables and vectors of TOML files, read strictly.
 //!
-//! Derived readers of structures take a list for a table, by position, and drop what is left over of it, and of a list of numbers that is too long.
+//! Derived deserialisers of structs accept a list for a table, by position, and ignore surplus elements, as those of arrays do.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -9,13 +9,13 @@ use serde::Deserialize;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserializer, Error as _, MapAccess, SeqAccess, Visitor};
 
-/// The content of a table, for the message where there is none.
+/// The content of a table, for the message of a value that is none.
 pub(crate) trait Content {
-    /// Completes "expected".
+    /// The text that completes "expected".
     const EXPECTED: &'static str;
 }
 
-/// A value that is written as a table, and as nothing else.
+/// A value that must be written as a table.
 #[derive(Clone, Debug)]
 pub(crate) struct Table<T>(pub(crate) T);
 
@@ -66,7 +66,7 @@ pub(crate) fn three<'de, D: Deserializer<'de>>(deserializer: D) -> Result<[f64; 
     deserializer.deserialize_seq(OfThree)
 }
 
-/// Reads a list of three numbers that may be left out.
+/// Reads an optional list of three numbers.
 pub(crate) fn three_if_given<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<[f64; 3]>, D::Error> {
     three(deserializer).map(Some)
 }

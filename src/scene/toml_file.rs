@@ -1,4 +1,4 @@
-//! TOML files that describe what belongs to a scene: read whole, parsed strictly, with the line of every mistake.
+//! TOML files that describe additions to a scene: read whole, parsed strictly, with the line of every mistake.
 
 use std::path::{Path, PathBuf};
 
@@ -9,12 +9,12 @@ use super::{Origin, SceneError, SceneErrorKind};
 use crate::input_file::DESCRIPTION_LIMIT;
 use crate::printable::quoted;
 
-/// A TOML file with its text, and the kind of error that is raised for what is wrong in it.
+/// A TOML file with its text, and the kind of its errors.
 pub(crate) struct TomlFile {
     path: PathBuf,
     text: String,
     kind: fn(String) -> SceneErrorKind,
-    /// Where each part of a text that a program made begins, and its name.
+    /// The start and the name of each part of a text that a program made.
     parts: Vec<(usize, PathBuf)>,
 }
 
@@ -42,7 +42,7 @@ impl TomlFile {
         }
     }
 
-    /// Returns parts with their names as one text; mistakes are named by the part, as its lines are not the user's.
+    /// Returns named parts as one text; errors name the part, as the lines are not those of a file.
     pub(crate) fn of_parts(
         name: PathBuf,
         parts: impl IntoIterator<Item = (PathBuf, String)>,
@@ -70,7 +70,7 @@ impl TomlFile {
         })
     }
 
-    /// Returns an error about the line, or the part, that the byte `start` stands on.
+    /// Returns an error about the line, or the part, that contains the byte `start`.
     pub(crate) fn bad(&self, start: impl Into<Option<usize>>, message: String) -> SceneError {
         let start = start.into();
         let part = start.and_then(|start| self.parts.iter().rfind(|(begin, _)| *begin <= start));
@@ -79,7 +79,7 @@ impl TomlFile {
         SceneError::new(Origin::line(path.clone(), line), (self.kind)(message))
     }
 
-    /// Returns the line that the byte `start` stands on, from 1; 0 of a text in parts.
+    /// Returns the line that contains the byte `start`, from 1; 0 for a text in parts.
     pub(crate) fn line(&self, start: usize) -> u32 {
         if !self.parts.is_empty() {
             return 0;
@@ -88,7 +88,7 @@ impl TomlFile {
     }
 }
 
-/// Returns a parser's message as one line, without the words of its own types.
+/// Returns a parser's message as one line, without the names of its own types.
 fn plain(message: &str) -> String {
     const WORDS: [(&str, &str); 6] = [
         ("\n", ", "),
@@ -106,7 +106,7 @@ fn plain(message: &str) -> String {
     })
 }
 
-/// Returns the first of many names, as a message lists them.
+/// Returns the first of many names, formatted for a message.
 pub(crate) fn first_names<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> String {
     const SHOWN: usize = 12;
     let n = names.len();
@@ -117,7 +117,7 @@ pub(crate) fn first_names<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> 
     shown.join(", ")
 }
 
-/// Returns whether a text fits a pattern, in which `*` stands for any text.
+/// Returns whether a text matches a pattern, in which `*` stands for any text.
 pub(crate) fn fits(pattern: &str, text: &str) -> bool {
     let mut parts = pattern.split('*');
     let Some(mut rest) = parts.next().and_then(|first| text.strip_prefix(first)) else {

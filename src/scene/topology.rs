@@ -1,4 +1,4 @@
-//! Visibility that follows from the faces of a scene before any ray is traced.
+//! Visibility that follows from the faces of a scene without rays.
 
 mod caps;
 mod pieces;
@@ -14,16 +14,18 @@ pub(crate) use pieces::{Pieces, joint};
 use regions::Sides;
 pub(crate) use regions::{Backs, Place, View, places};
 
-/// Returns whether no face can occlude one from another: a convex room without anything in it, or a part of one.
+/// Returns whether no face can occlude one from another, as in an empty convex room or a part of one.
 ///
 /// True if every vertex lies in front of, or on, the plane of every face. All faces then lie on the boundary of one convex set,
-/// and a segment between two of them stays inside it. Conservative: a scene that is convex but for rounding above 1e-12 of its size, or 1e-9 of its smallest face, counts as not convex,
-/// and so does one that is no higher over a face than rounded coordinates explain: a sheet, whose sides rounding may have parted.
+/// and a segment between two of them stays inside it.
+///
+/// Conservative: a scene that is convex up to rounding above 1e-12 of its size, or 1e-9 of its smallest face, counts as not convex.
+/// A scene whose height over a face is within the rounding of its coordinates also counts as not convex: it may be a sheet whose sides rounding has parted.
 /// Work: planes × vertices at worst, with a stop at the first vertex behind a plane.
 #[must_use]
 pub fn is_convex_and_empty(scene: &Scene) -> bool {
     let (low, high) = scene.bounding_box();
-    // What is far off, and makes a scene large, must not make small things vanish.
+    // Distant objects enlarge the scene, and must not make small ones vanish.
     let tolerance = (1e-12 * (high - low).length()).min(1e-9 * smallest_face(scene));
     let slack = scene.slack();
     let mut used: Vec<u32> = scene.faces.iter().flat_map(|f| f.corners.as_slice().to_vec()).collect();
@@ -33,7 +35,7 @@ pub fn is_convex_and_empty(scene: &Scene) -> bool {
     scene.face_ids().all(|face| {
         let normal = scene.area_vector(face).normalize_or_zero();
         let distance = normal.dot(scene.vertices[scene.faces[face.0 as usize].corners.as_slice()[0] as usize]);
-        // A finely cut wall repeats its plane: it is checked once.
+        // The repeated plane of a finely cut wall is checked once.
         let repeated =
             last_plane.is_some_and(|(n, d)| (n - normal).length() < 1e-14 && (d - distance).abs() < tolerance);
         last_plane = Some((normal, distance));
@@ -43,30 +45,32 @@ pub fn is_convex_and_empty(scene: &Scene) -> bool {
     })
 }
 
-/// Returns whether the light that leaves any front stays inside: the scene bounds a closed space.
+/// Returns whether the scene bounds a closed space, in which all light that leaves a front stays.
 ///
 /// True if the fronts of all faces lie inside of pieces that are closed and face inwards. A piece is closed if faces run along every part of its edges as often in one sense as in
-/// the other, also in T-junctions and where vertices miss each other by the rounding of coordinates, or by 1e-8 of the smallest face around them; or if it ends on faces of others that cover what is missing, as a block without a bottom does on a floor. Conservative: where faces of several pieces lie on each other, or
-/// where a sheet pierces a wall, a closed room may count as not closed; rays then tell by not escaping.
+/// the other, also in T-junctions and where vertices miss each other by the rounding of coordinates, or by 1e-8 of the smallest face around them. A piece that ends on faces of others
+/// which cover its opening is closed too, as a block without a bottom on a floor.
+///
+/// Conservative: where faces of several pieces lie on each other, or where a sheet pierces a wall, a closed room may count as not closed; rays that do not escape then show it.
 #[must_use]
 pub fn is_watertight(scene: &Scene) -> bool {
     Enclosure::of(scene).watertight
 }
 
-/// How the closed pieces of a scene's surface stand in one another.
+/// The nesting of the closed pieces of a scene's surface.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Enclosure {
     /// See [`is_watertight`].
     pub watertight: bool,
-    /// The first face of each closed piece that faces inwards although it stands in the open space of another that does: a block that is wound the wrong way.
+    /// The first face of each closed piece that faces inwards although it stands in the open space of another such piece: a block with reversed winding.
     pub turned: Vec<FaceId>,
 }
 
-/// Points that tell on which side of the other pieces a piece lies.
+/// The number of points that decide on which side of the other pieces a piece lies.
 const POINTS_OF_PIECE: usize = 8;
 
 impl Enclosure {
-    /// Looks at a few points of each closed piece, and at every face of the others.
+    /// Examines a few points of each closed piece, and every face of the others.
     ///
     /// Work: O(n log n).
     #[must_use]
@@ -102,7 +106,7 @@ impl Enclosure {
                 n_clear += 1;
                 watertight &= front.iter().any(|around| around.1 < 0);
                 let faces_inwards = front.iter().any(|around| around.0 == *piece && around.1 < 0);
-                // Solid and open space take turns: inwards, outwards, inwards.
+                // Solid and open space alternate: inwards, outwards, inwards.
                 n_turned += usize::from(faces_inwards && back.iter().map(|around| around.1).sum::<i32>() < 0);
             }
             watertight &= n_clear > 0;
@@ -132,12 +136,12 @@ pub(crate) fn bounding_box(corners: &[DVec3]) -> (DVec3, DVec3) {
     polygon::bounds(corners)
 }
 
-/// Returns a number of faces or pieces as an index.
+/// Returns a number of faces or pieces as a u32.
 fn index(k: usize) -> u32 {
     u32::try_from(k).unwrap_or(u32::MAX)
 }
 
-/// Returns, for each edge from one vertex to another, the first face that runs along it so, and whether no other does.
+/// Returns, for each directed edge, the first face that runs along it, and whether it is the only one.
 pub(crate) fn edge_runs(scene: &Scene) -> HashMap<(u32, u32), (u32, bool)> {
     let mut runs = HashMap::new();
     for face in scene.face_ids() {

@@ -1,21 +1,21 @@
-//! Doubts about a scene, and how they were settled: the scene is usable, but perhaps not as intended.
+//! Warnings about a scene: it is usable, but perhaps not as intended.
 
 use super::Origin;
 use crate::printable::{counted, quoted, short};
 
-/// A doubt about a scene that was loaded, with its place.
+/// A warning about a loaded scene, with its place.
 ///
 /// Each kind is reported once per cause, with the first place and a count.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{at}{kind}")]
 pub struct SceneWarning {
-    /// Where; of several places the first.
+    /// The place; of several places the first.
     pub at: Origin,
-    /// What.
+    /// The kind, with its numbers.
     pub kind: SceneWarningKind,
 }
 
-/// The kind of doubt about a scene.
+/// The kind of a warning about a scene.
 #[derive(Clone, Debug, PartialEq, thiserror::Error, strum::IntoStaticStr)]
 #[strum(serialize_all = "snake_case")]
 #[non_exhaustive]
@@ -35,7 +35,7 @@ pub enum SceneWarningKind {
     /// Faces are drawn on larger ones in their plane, as doors on a wall, and were cut out of these.
     #[error("{}, {} m² in all", one_or(*count, "a face lies on larger ones in its plane and is cut out of them", "faces lie on larger ones in their plane, this is the first; they are cut out of these"), short_area(*area))]
     CutFaces {
-        /// How many are.
+        /// The number of faces that were cut out.
         count: usize,
         /// The area that the larger faces lost, in m².
         area: f64,
@@ -54,7 +54,7 @@ pub enum SceneWarningKind {
         /// Their name, in the plural.
         what: &'static str,
     },
-    /// Parts of one kind, which are no surfaces, were skipped.
+    /// Elements that are not faces were skipped.
     #[error("{count} {what} are skipped: only faces are read; export the boundary as triangles or quads")]
     SkippedElements {
         /// How many there are.
@@ -80,24 +80,24 @@ pub enum SceneWarningKind {
         /// The line.
         end: &'static str,
     },
-    /// Faces of higher order are read as flat, through their corners.
+    /// Curved faces of higher order are read as flat, through their corners.
     #[error("{} of higher order are read as flat, through their corners; export first order where they are curved", counted(*count, "face"))]
     HigherOrder {
         /// How many there are.
         count: usize,
     },
-    /// The normals that a file states oppose the winding of faces, which counts.
+    /// The stated normals oppose the winding of faces, which takes precedence.
     #[error("the stated normal opposes the winding of {}, this is the first; the winding counts, and --flip reverses it", counted(*count, "face"))]
     OpposedNormals {
         /// How many faces there are.
         count: usize,
     },
-    /// Vertices were joined that are not equal.
+    /// Different vertices were joined.
     #[error("{count} vertices are joined with others, by up to {distance:.1e} m, which counts as rounding")]
     MergedVertices {
         /// How many vertices were moved.
         count: usize,
-        /// The greatest distance by which one was, in m.
+        /// The greatest distance by which one moved, in m.
         distance: f64,
     },
     /// Vertices are nearly equal, but not joined.
@@ -105,9 +105,9 @@ pub enum SceneWarningKind {
         "{count} vertices are within {tolerance:.1e} m of others, but not equal to them; --merge-tolerance joins what is to be one"
     )]
     NearlyEqualVertices {
-        /// How many there are beside those that they nearly equal.
+        /// The number of vertices near a different earlier one.
         count: usize,
-        /// How near they are, in m.
+        /// The distance that counts as near, in m.
         tolerance: f64,
     },
     /// Mask surfaces were moved off the surfaces that they cover.
@@ -118,7 +118,7 @@ pub enum SceneWarningKind {
         /// The distance, as a part of their size.
         relative: f64,
     },
-    /// Surfaces that only block, or that nothing is to be computed of, are black surfaces of the scene.
+    /// Surfaces that only occlude, or whose results are not wanted, are black surfaces of the scene.
     #[error("{count} {what} are black surfaces of the scene; their rows and columns can be left out")]
     BlackSurfaces {
         /// How many faces there are.
@@ -135,7 +135,7 @@ pub enum SceneWarningKind {
     /// A `mtllib` names no library.
     #[error("`mtllib` without a name is skipped; materials that no library defines reflect 0.5")]
     NamelessLibrary,
-    /// A material library is not where the scene file says: a file of its name beside the scene was read.
+    /// A material library does not exist at its path: a file of its name beside the scene was read.
     #[error("material library `{}` is not there; `{}` beside the scene is read in its place", quoted(.name), quoted(.used))]
     LibraryElsewhere {
         /// The name in the file.
@@ -164,7 +164,7 @@ pub enum SceneWarningKind {
     /// The file states no materials: reflectance 0.5, exitance 0.
     #[error("the file states no materials: all faces reflect 0.5 and emit nothing; --materials FILE.toml gives others")]
     NoMaterials,
-    /// A material in use states something that a diffuse face has no use for.
+    /// A property of a material in use has no effect on a diffuse face.
     #[error("{what} of material `{}` is not used: surfaces are diffuse and opaque", quoted(.name))]
     IgnoredProperty {
         /// Its kind.
@@ -178,21 +178,21 @@ pub enum SceneWarningKind {
         /// The material's name.
         name: String,
     },
-    /// A material in use is defined twice: the last definition counts.
+    /// A material in use is defined twice: the last definition takes precedence.
     #[error("material `{}` is defined again; this definition counts", quoted(.name))]
     RepeatedMaterial {
         /// The material's name.
         name: String,
     },
-    /// A material in use has a texture, which is not read: its `Kd` or `Ke` counts.
+    /// A material in use has a texture, which is not read: its `Kd` or `Ke` is used.
     #[error("the texture of material `{}` is not read; its `{keyword}` counts everywhere", quoted(.name))]
     IgnoredTexture {
-        /// The value that counts in its place.
+        /// The keyword of the value that is used in its place.
         keyword: &'static str,
         /// The material's name.
         name: String,
     },
-    /// Materials in use mirror light or let it through (`Ks`, `d`, `Tr`), which is not used.
+    /// Materials in use are specular or transparent (`Ks`, `d`, `Tr`), which is ignored.
     #[error("`{keyword}` is not used: surfaces are diffuse and opaque{}", if *count == 1 { String::new() } else { format!("; {count} materials are meant otherwise, this is the first") })]
     NotDiffuse {
         /// The keyword of that line.
@@ -232,7 +232,9 @@ impl SceneWarningKind {
         self.into()
     }
 
-    /// Returns whether the warning is about light and materials alone: of no interest where only the geometry counts. A library that is not where the file names it always counts.
+    /// Returns whether the warning is about light and materials alone, so that it can be omitted where only the geometry counts.
+    ///
+    /// A missing library or one found elsewhere is always reported.
     #[must_use]
     pub fn is_about_light(&self) -> bool {
         matches!(
@@ -251,7 +253,7 @@ impl SceneWarningKind {
     }
 }
 
-/// Returns what there is to say of one, or of more, behind their number.
+/// Returns the text for one, or the number and the text for more.
 fn one_or(count: usize, one: &str, more: &str) -> String {
     if count == 1 {
         one.to_owned()

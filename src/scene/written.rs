@@ -1,48 +1,49 @@
-//! How finely the coordinates of a file are written.
+//! The precision with which the coordinates of a file are written.
 
 use std::cmp::Ordering;
 use std::fmt;
 
-/// Numbers whose digits need an f32 to explain them weigh so many bits together, in hundredths, before a file counts as written from f32.
+/// The evidence of all numbers, in hundredths of a bit, from which on a file counts as written from f32.
 const SINGLE_BITS: u32 = 400;
 
-/// Places after the point that people and surveys write: multiples of 1/8 need no f32 to explain them.
+/// Places after the point of numbers that people and surveys write: multiples of 1/8 are no evidence for f32.
 const SHORT_PLACES: i32 = 3;
 
-/// The rounding of a file's coordinates, as their digits show it.
+/// The rounding of a file's coordinates, inferred from their digits.
 ///
-/// Programs write either so many places after the point (`%.3f`), or so many digits in all (`%.6g`, `%e`), and some leave trailing zeros out. Zeros after the point, or else the counts of the
-/// numbers that have the most of either, tell which; exponents without such zeros are those of a number of digits. Numbers that are all near an f32, with more digits than that needs, come from f32.
+/// Programs write a fixed number of places after the point (`%.3f`) or of digits in all (`%.6g`, `%e`), and some omit trailing zeros. Zeros after the point show which of them is fixed, else the
+/// counts of the numbers that have the most places or digits. Exponents without such zeros mean a fixed number of digits. Numbers that are all near an f32, with more digits than it needs, come from
+/// f32.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[expect(clippy::struct_excessive_bools, reason = "each is a sign of its own")]
 pub struct Written {
-    /// The most places after the point, negative for whole tens, and how many numbers have them.
+    /// The most places after the point, negative for whole tens, and the number of numbers with as many.
     places: Option<(i32, u32)>,
-    /// The most digits in all, and how many numbers with places or an exponent have them.
+    /// The most digits in all, and the number of numbers, with places or an exponent, with as many.
     digits: (i32, u32),
     /// The most digits of such a number without the zeros at its end.
     needed: i32,
-    /// True if a number without an exponent ends in a zero after its point: its places were counted, not its digits.
+    /// True if a number without an exponent ends in a zero after its point: its places were fixed, not its digits.
     by_places: bool,
     /// True if a number has an exponent.
     has_exponent: bool,
-    /// The evidence for f32, in hundredths of a bit; `None` if a number is no f32.
+    /// The evidence for f32, in hundredths of a bit; `None` if a number is not an f32.
     single: Option<u32>,
     /// True if a binary f32 has more digits than a short number.
     is_binary_single: bool,
     /// The file's unit of length in m; `None` for metres.
     scale: Option<f64>,
-    /// The least that a unit in the last place is, in m.
+    /// The least unit in the last place, in m.
     least: f64,
     /// True if faces or vertices miss each other by no more than rounding explains.
     pub(super) misses: bool,
 }
 
 impl Written {
-    /// The digits of a fractional number from which on it was rounded: 0.25 is a quarter, 0.333333 a third.
+    /// The number of digits from which a fractional number counts as rounded: 0.25 is a quarter, 0.333333 a third.
     const MIN_DIGITS: i32 = 6;
 
-    /// Returns what is known before any number.
+    /// Returns the state before any number.
     pub(super) fn new() -> Self {
         Self {
             single: Some(0),
@@ -50,28 +51,28 @@ impl Written {
         }
     }
 
-    /// Takes note of a decimal number that is valid.
+    /// Records a valid decimal number.
     pub(super) fn see(&mut self, token: &str) {
         self.see_value(token, token.parse().unwrap_or(f64::NAN));
     }
 
-    /// Takes note of a number of a binary file, of which the shortest decimal one counts.
+    /// Records a number of a binary file by its shortest decimal text.
     pub(super) fn see_binary(&mut self, value: f64) {
         self.see_value(&value.to_string(), value);
     }
 
-    /// Takes note of an f32 of a binary file. One of up to 12 bits is what is meant, others were rounded to 24.
+    /// Records an f32 of a binary file: one of up to 12 bits is exact, others were rounded to 24.
     pub(super) fn see_single(&mut self, value: f32) {
         const LOW_BITS: u32 = 0xfff;
         self.is_binary_single |= value.to_bits() & LOW_BITS != 0;
     }
 
-    /// Takes note of what f32s of another part of a file showed.
+    /// Adds the evidence of f32s in another part of a file.
     pub(super) fn merge_single(&mut self, other: &Self) {
         self.is_binary_single |= other.is_binary_single;
     }
 
-    /// Takes note that all lengths are to be multiplied by so much.
+    /// Records that all lengths are multiplied by `scale`.
     pub(super) fn scale(&mut self, scale: f64) {
         #[expect(clippy::float_cmp, reason = "metres are exactly 1 m")]
         if scale != 1.0 {
@@ -80,12 +81,12 @@ impl Written {
         }
     }
 
-    /// Takes note that coordinates may be off by half of a length, in m, whatever their digits say.
+    /// Records that coordinates may be off by half of a length, in m, whatever their digits.
     pub(super) fn at_least(&mut self, length: f64) {
         self.least = self.least.max(length);
     }
 
-    /// Takes note of a decimal number and its value.
+    /// Records a decimal number and its value.
     pub(super) fn see_value(&mut self, token: &str, value: f64) {
         let (number, exponent) = token.split_once(['e', 'E']).unwrap_or((token, ""));
         let (whole, fraction) = number.split_once('.').unwrap_or((number, ""));
@@ -124,27 +125,29 @@ impl Written {
         }
     }
 
-    /// Returns whether the coordinates were rounded: some need six digits, or the mesh misses itself by what rounding explains. Whole numbers and short decimals are what is meant.
+    /// Returns whether the coordinates were rounded: some need six digits, or parts of the mesh miss each other by no more than rounding explains.
+    ///
+    /// Whole numbers and short decimals are exact.
     #[must_use]
     pub fn shows_rounding(&self) -> bool {
         self.needed >= Self::MIN_DIGITS || self.is_binary_single || self.least > 0.0 || self.misses
     }
 
-    /// Returns whether points that nearly meet may be one: the coordinates [were rounded](Self::shows_rounding), or look it, whatever they need.
+    /// Returns whether points that nearly meet may be one: the coordinates [were rounded](Self::shows_rounding), or have as many digits as rounded ones.
     pub(super) fn may_part_points(&self) -> bool {
         self.shows_rounding() || self.is_rounded(Self::MIN_DIGITS)
     }
 
-    /// Returns whether numbers look rounded: with places after the point, and at least so many digits.
+    /// Returns whether numbers look rounded: they have places after the point, and at least `least_digits` digits.
     pub(super) fn is_rounded(&self, least_digits: i32) -> bool {
         let has_digits = self.digits.0 >= least_digits && self.places.is_some_and(|places| places.0 > 0);
         has_digits || self.is_binary_single || self.least > 0.0
     }
 
-    /// Returns one unit in the last place of a coordinate of a magnitude, both in m: twice what it may be off by rounding. 0 if none was seen.
+    /// Returns one unit in the last place of a coordinate of a magnitude, both in m: twice its greatest rounding. 0 if no number was recorded.
     ///
-    /// 10^−p with p the most places after the point, or 10^(⌊log10 |x|⌋ + 1 − d) with d the most digits in all, by what the file counts; no less than the step of f32 at x, 24 bits, where the numbers come
-    /// from f32. Where nothing tells which of both is counted, the larger one. Units other than metres are taken into account, and vertices that were moved onto others.
+    /// 10^−p with p the most places after the point, or 10^(⌊log10 |x|⌋ + 1 − d) with d the most digits in all, whichever is fixed in the file; where this is unknown, the larger one.
+    /// It is at least the step of f32 at x, 24 bits, where the numbers come from f32. Units other than metres and the distances of joined vertices are included.
     #[must_use]
     pub fn unit(&self, magnitude: f64) -> f64 {
         let unit = match self.scale {
@@ -185,7 +188,7 @@ impl Written {
         self.is_binary_single || self.single.is_some_and(|bits| bits >= SINGLE_BITS)
     }
 
-    /// Returns what the file counts.
+    /// Returns which kind of digits has a fixed number.
     fn counts(&self) -> Counts {
         let n_with_places = self.places.map_or(0, |places| places.1);
         if self.by_places {
@@ -203,7 +206,7 @@ impl Written {
 }
 
 impl fmt::Display for Written {
-    /// Writes how the coordinates are rounded: "to 6 digits", "to 2 decimals", "to f32".
+    /// Writes the rounding of the coordinates: "to 6 digits", "to 2 decimals", "to f32".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let places = self.places.map_or(0, |places| places.0);
         match self.counts() {
@@ -215,18 +218,18 @@ impl fmt::Display for Written {
     }
 }
 
-/// The kind of digit that all coordinates of a file have the same number of.
+/// The kind of digits whose number is the same in all coordinates of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Counts {
     /// Places after the point.
     Places,
     /// Digits in all.
     Digits,
-    /// One of both.
+    /// Either of the two.
     Either,
 }
 
-/// Counts a number among those that have the most.
+/// Counts a number among those with the most places or digits.
 fn count(most: &mut (i32, u32), of_number: i32) {
     if of_number > most.0 {
         *most = (of_number, 1);
@@ -235,7 +238,7 @@ fn count(most: &mut (i32, u32), of_number: i32) {
     }
 }
 
-/// Returns the distance of an f32 of a magnitude from the next.
+/// Returns the distance from an f32 of a magnitude to the next.
 fn step_of_single(magnitude: f64) -> f64 {
     let single = nearest_single(magnitude).abs();
     f64::from(single.next_up()) - f64::from(single)
@@ -249,7 +252,9 @@ fn nearest_single(x: f64) -> f32 {
     x as f32
 }
 
-/// Returns how much a number that is written with so many places speaks for f32, in hundredths of a bit: the logarithm of how many such numbers there are for each f32. `None` if it is no f32.
+/// Returns the evidence of a decimal number for f32, in hundredths of a bit; `None` if it is not the text of an f32.
+///
+/// It is the logarithm of the number of such decimal numbers for each f32.
 fn single_bits(value: f64, places: i32, short_places: i32) -> Option<u32> {
     let own = 10_f64.powi(places.saturating_neg());
     let off = (f64::from(nearest_single(value)) - value).abs();
@@ -356,7 +361,7 @@ mod tests {
         is(rounded.unit(0.1), 2.0_f64.powi(-27));
         rounded.scale(1e-3);
         is(rounded.unit(0.1e-3), 1e-3 * 2.0_f64.powi(-27));
-        // An f64 has the digits of its shortest text: six decimals here, or as many digits, whatever is coarser.
+        // An f64 has the digits of its shortest text: six decimals here, or as many digits, whichever is coarser.
         let mut double = Written::new();
         for x in [0.333_333, 2.0, 0.125] {
             double.see_binary(x);

@@ -16,59 +16,59 @@ use crate::progress::{Forecast, Progress, Silent};
 use crate::ranks::{Alone, Ranks};
 use crate::report::StageTimes;
 
-/// Hears of a warning as soon as there is one.
+/// A function that receives each warning at once.
 type Listener = Box<dyn Fn(&Warning)>;
 
-/// Progress, limits, warnings, times and settings of the steps of a study, which all take it in turn.
+/// Progress, limits, warnings, times and settings, shared by the steps of a study.
 ///
-/// [`Context::default`] is silent, uses up to 80 % of the memory that is available and keeps no checkpoint.
+/// [`Context::default`] is silent, uses up to 80 % of the available memory and keeps no checkpoint.
 pub struct Context {
     progress: Arc<dyn Progress + Send>,
     listener: Option<Listener>,
     warnings: RefCell<Vec<Warning>>,
     times: RefCell<StageTimes>,
-    /// How texts write parameters: by their names, where nothing else is set.
+    /// Formats parameters in texts; by default, by their names.
     pub naming: fn(Parameter, Option<&str>) -> String,
-    /// The limits and places of form factors.
+    /// The memory limit, and the storage of form factors.
     pub memory: Memory,
-    /// The demands on form factors that are known before they are stored.
+    /// The demands of later steps on the storage of form factors.
     pub demand: Demand,
-    /// The settings of the results, as files of results have them.
+    /// The settings of the results, for files of results.
     pub settings: Settings,
     /// The conservation checks of the results so far.
     pub audit: Audit,
-    /// The file of the lighting that each channel belongs to; none where the materials are the scene's own.
+    /// The file of the lighting of each channel; empty where the materials are the scene's own.
     pub lighting_files: Vec<Option<PathBuf>>,
     /// The light that leaks through patches which are not cut at contact edges.
     pub leaks: Leaks,
-    /// The ranks that share the work; each of them has a context and takes the same steps.
+    /// The ranks that share the work; each has a context and takes the same steps.
     pub ranks: Arc<dyn Ranks>,
-    /// A file for finished work, from which the same study goes on after an interruption.
+    /// A file for finished work, from which the same study continues after an interruption.
     pub checkpoint_file: Option<PathBuf>,
     pub(super) checkpoint: Option<Checkpoint>,
     pub(super) deadline: Option<Instant>,
     pub(super) has_looked_at_gaps: Cell<bool>,
-    /// Of warnings of one kind only the first is kept: work that repeats itself warns once.
+    /// True if only the first warning of each kind is stored, so that repeated work warns once.
     pub(super) warns_once_of_a_kind: bool,
     begun: Instant,
 }
 
-/// The work after form factors, as far as their storage and that of results depends on it.
+/// The steps after form factors, as far as storage depends on them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Demand {
-    /// The output, beside which a scratch file goes.
+    /// The output, in whose directory a scratch file is placed.
     pub output: Option<PathBuf>,
-    /// The part of the checkpoint that form factors belong to: 0 but for later poses.
+    /// The part of the checkpoint for form factors: 0 except for later poses.
     pub part: u32,
     /// The tolerance of the solver, if there is one.
     pub tolerance: Option<f64>,
     /// The name of the solver, if there is one.
     pub solver: Option<String>,
-    /// The greatest reflectance of the lightings that there are beside the scene's own.
+    /// The greatest reflectance of all lightings besides the scene's own.
     pub reflectance_max: f64,
-    /// Memory for a picture, in bytes.
+    /// Memory for an image, in bytes.
     pub image_byte: u64,
-    /// True if the results of single surfaces at the times of a path of the sun are dropped block by block, as nobody reads them.
+    /// True if the results of single surfaces at the times of a path of the sun are dropped block by block, as they are not used.
     pub drops_surfaces: bool,
 }
 
@@ -79,7 +79,7 @@ impl Default for Context {
 }
 
 impl Context {
-    /// Returns a context whose steps tell their progress.
+    /// Returns a context whose steps report to `progress`.
     #[must_use]
     pub fn new(progress: Arc<dyn Progress + Send>) -> Self {
         Self {
@@ -104,14 +104,14 @@ impl Context {
         }
     }
 
-    /// Returns a context for work that this one has no result of: with the same progress and memory, and with warnings and times of its own.
+    /// Returns a context for auxiliary work: with the same progress and memory, and with warnings and times of its own.
     pub(super) fn aside(&self) -> Self {
         let mut own = Self::new(Arc::clone(&self.progress));
         own.memory = self.memory.clone();
         own
     }
 
-    /// Reports each warning at once, and stores it.
+    /// Sets a function that receives each warning at once; it is stored as well.
     #[must_use]
     pub fn on_warning(mut self, listener: impl Fn(&Warning) + 'static) -> Self {
         self.listener = Some(Box::new(listener));
@@ -124,7 +124,7 @@ impl Context {
         self.warnings.borrow().clone()
     }
 
-    /// Keeps a warning and tells it.
+    /// Stores a warning and reports it.
     pub fn warn(&self, warning: Warning) {
         let is_of_its_kind = |other: &Warning| std::mem::discriminant(other) == std::mem::discriminant(&warning);
         if self.warns_once_of_a_kind && self.warnings.borrow().iter().any(is_of_its_kind) {
@@ -136,12 +136,12 @@ impl Context {
         self.note(warning);
     }
 
-    /// Keeps a warning that has been told.
+    /// Stores a warning that has already been reported.
     pub(super) fn note(&self, warning: Warning) {
         self.warnings.borrow_mut().push(warning);
     }
 
-    /// Warns of a checkpoint that could not be written to its end.
+    /// Warns of a checkpoint that could not be written completely.
     pub(super) fn warn_of_checkpoint(&self) {
         if let Some(checkpoint) = &self.checkpoint
             && let Some(reason) = checkpoint.failure()
@@ -153,7 +153,7 @@ impl Context {
         }
     }
 
-    /// Warns unless the same has been said.
+    /// Stores and reports a warning, unless an equal one is stored.
     pub fn warn_once(&self, warning: Warning) {
         let is_said = self.warnings.borrow().contains(&warning);
         if !is_said {
@@ -167,7 +167,7 @@ impl Context {
         self.times.borrow().clone()
     }
 
-    /// Runs a stage and notes how long it took.
+    /// Runs a stage and adds its duration to the times.
     pub fn time<T>(&self, stage: &'static str, work: impl FnOnce() -> T) -> T {
         let begun = Instant::now();
         let result = work();
@@ -181,12 +181,12 @@ impl Context {
         self.begun.elapsed()
     }
 
-    /// Sets when all is to be over, counted from when the context was made; never, beyond the times of the clock.
+    /// Sets the deadline, counted from the creation of the context; none if it is beyond the range of the clock.
     pub(super) fn end_within(&mut self, limit: Duration) {
         self.deadline = self.begun.checked_add(limit);
     }
 
-    /// Takes in what an audit found, with a warning for each check that fails.
+    /// Adds the results of an audit, with a warning for each check that fails.
     pub fn audited(&mut self, found: Audit) {
         for check in found.violations() {
             self.warn(Warning::BrokenLaw(check.clone()));
@@ -194,7 +194,7 @@ impl Context {
         self.audit.extend(found);
     }
 
-    /// Returns the progress with checkpoint and deadline, as work asks for it.
+    /// Returns the progress with checkpoint and deadline.
     #[must_use]
     pub fn progress(&self) -> Watch<'_> {
         Watch {
@@ -206,7 +206,7 @@ impl Context {
         }
     }
 
-    /// Goes on, unless work is to end: to be asked wherever it may have been left incomplete.
+    /// Returns an error if work is to end; to be called after each step that may be incomplete.
     ///
     /// # Errors
     /// [`WorkflowError::Interrupted`].
@@ -224,7 +224,7 @@ impl Context {
         self.checkpoint.as_ref()
     }
 
-    /// Closes the checkpoint of work that is done, and removes its file; where that fails, a warning says so.
+    /// Closes the checkpoint of finished work, and removes its file; warns if that fails.
     pub fn forget_checkpoint(&mut self) {
         let Some(checkpoint) = self.checkpoint.take() else {
             return;
@@ -236,7 +236,7 @@ impl Context {
         }
     }
 
-    /// Opens the checkpoint with the key of what is computed, unless it is open.
+    /// Opens the checkpoint with the key of the computation, unless it is open.
     pub(super) fn open_checkpoint(&mut self, path: &Path, key: &[u8; 32]) -> Result<(), WorkflowError> {
         self.checkpoint = Some(Checkpoint::open_of_rank(path, key, &*self.ranks)?);
         self.progress.opened(path);
@@ -254,7 +254,7 @@ pub struct Watch<'a> {
 }
 
 impl Watch<'_> {
-    /// Returns what the last stage was expected to take, if that was told.
+    /// Returns the expected run time of the last stage, if known.
     pub(super) fn heard(self) -> Option<Forecast> {
         self.forecast.into_inner().unwrap_or_else(PoisonError::into_inner)
     }

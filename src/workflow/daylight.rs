@@ -7,7 +7,7 @@ use crate::matrix::operator::{Block, LinearOperator};
 use crate::render::{DistantSky, DistantSun, Outdoors};
 use crate::solver::Solution;
 
-/// The sun as channels see it.
+/// The sun with an irradiance for each channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SunRequest {
     /// Its direction and size.
@@ -16,7 +16,7 @@ pub struct SunRequest {
     pub irradiance: [f64; 3],
 }
 
-/// A uniform sky as channels see it.
+/// A uniform sky with an irradiance for each channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkyRequest {
     /// Its direction.
@@ -64,7 +64,7 @@ impl Daylight {
 }
 
 impl Daylight {
-    /// Returns sun and sky as a renderer takes them.
+    /// Returns sun and sky for a renderer.
     #[must_use]
     pub fn outdoors(&self) -> Outdoors {
         Outdoors {
@@ -91,7 +91,7 @@ impl DirectDaylight {
 }
 
 impl DirectDaylight {
-    /// Returns E + ρ D, what patches send out before any light comes from other patches, and the error of that, W·m⁻², \[n, c\].
+    /// Returns E + ρ D, the exitance before interreflection, and its error, W·m⁻², \[n, c\].
     pub(super) fn lit(&self, reflectance: &Block, exitance: &Block) -> (Block, Block) {
         let (mut lit, mut error) = (exitance.clone(), Block::zeros(exitance.n_rows(), exitance.n_channels()));
         for [irradiance, own_error] in self.parts() {
@@ -101,7 +101,7 @@ impl DirectDaylight {
         (lit, error)
     }
 
-    /// Returns the first channels.
+    /// Returns the light of the first `n` channels.
     pub(super) fn of_channels(&self, n: usize) -> Self {
         Self {
             sun: self.sun.as_ref().map(|sun| Sunlit {
@@ -116,14 +116,14 @@ impl DirectDaylight {
         }
     }
 
-    /// Adds what comes straight from sun and sky to an irradiance.
+    /// Adds the direct light of sun and sky to an irradiance.
     pub(super) fn add_to(&self, irradiance: &mut Block) {
         for [own, _] in self.parts() {
             add(irradiance, own, None);
         }
     }
 
-    /// Returns the irradiance without what comes straight from emitters and the sun, F (B − E) and that of the sky, W·m⁻², \[n, c\]; `exitance`: E.
+    /// Returns the irradiance without direct light from emitters and the sun: F (B − E) and that of the sky, W·m⁻², \[n, c\]; `exitance`: E.
     #[must_use]
     pub fn indirect_irradiance(&self, factors: &dyn LinearOperator, exitance: &Block, solution: &Solution) -> Block {
         let mut indirect = super::indirect_irradiance(factors, exitance, solution);
@@ -135,14 +135,14 @@ impl DirectDaylight {
 }
 
 impl SolutionStudy {
-    /// Adds what comes straight from sun and sky to the irradiance.
+    /// Adds the direct light of sun and sky to the irradiance.
     pub(super) fn shine(&mut self, direct: DirectDaylight) {
         direct.add_to(&mut self.solution.irradiance);
         self.direct = direct;
     }
 }
 
-/// Adds `of(i, c)` times a block to another.
+/// Adds a block to another, times a `factor` if there is one.
 fn add(to: &mut Block, light: &Block, factor: Option<&Block>) {
     for (k, (sum, value)) in to.values_mut().iter_mut().zip(light.values()).enumerate() {
         *sum += factor.map_or(*value, |factor| factor.values()[k] * value);
@@ -150,7 +150,7 @@ fn add(to: &mut Block, light: &Block, factor: Option<&Block>) {
 }
 
 impl Model {
-    /// Solves for the light of the scene's own materials in daylight, and states its error.
+    /// Solves for the light of the scene's own materials in daylight, and estimates its error.
     ///
     /// B = E + ρ (D + F B), with D straight from sun and sky. The irradiance of the solution includes D; its energy counts ρ D as emitted.
     ///
@@ -175,7 +175,7 @@ impl Model {
         Ok(found)
     }
 
-    /// Takes three channels where daylight has a colour.
+    /// Switches to three channels if daylight has a colour.
     pub(super) fn see_colours(&mut self, daylight: &Daylight) {
         if !daylight.is_grey() {
             self.plan.revise_channels(3);
@@ -184,7 +184,7 @@ impl Model {
         }
     }
 
-    /// Finds what comes straight from sun and sky.
+    /// Computes the direct light of sun and sky.
     pub(super) fn direct_daylight(
         &self,
         study: &FormFactorStudy,

@@ -1,4 +1,4 @@
-//! Why a step of a study ended without a result.
+//! Errors of the steps of a study.
 
 use std::path::PathBuf;
 
@@ -18,31 +18,31 @@ use crate::scene::{IMAGE_SIDES, MotionError, Origin, Scene, SceneError};
 use crate::solver::SolverError;
 use crate::voxel::VoxelError;
 
-/// Why a step of a study was refused, or failed.
+/// A reason why a step of a study was refused, or failed.
 ///
-/// [`Display`](std::fmt::Display) writes parameters by their names, [`text`](Self::text) as a program's users do.
+/// [`Display`](std::fmt::Display) writes parameters by their names, [`text`](Self::text) as given by a program.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum WorkflowError {
-    /// Of the scene, a lighting or a list of frames.
+    /// An error of the scene, a lighting or a list of frames.
     Scene(SceneError),
     /// A scene cannot take a pose.
     Motion(MotionError),
-    /// Faces cannot be cut as asked for.
+    /// Faces cannot be cut as requested.
     Mesh {
         /// The name of the scene.
         file: PathBuf,
-        /// Why.
+        /// The error.
         error: MeshError,
     },
     /// The ray tracer's tree cannot be built.
     Embree {
         /// The name of the scene.
         file: PathBuf,
-        /// Why.
+        /// The error.
         error: EmbreeError,
     },
-    /// Work takes more memory than there is to be.
+    /// Work exceeds the memory limit.
     MemoryLimit {
         /// The name of the scene.
         file: PathBuf,
@@ -55,28 +55,28 @@ pub enum WorkflowError {
         /// The remedy beside a greater limit.
         remedy: &'static str,
     },
-    /// Form factors cannot be kept.
+    /// Form factors cannot be stored.
     Storage(StorageError),
     /// A method refused its settings or its input.
     FormFactor(FormFactorError),
     /// A matrix was refused, or could not be read.
     Matrix(MatrixError),
-    /// A scene that was said to be closed is not.
+    /// A scene that was stated to be closed is not.
     NotClosed {
         /// The name of the scene.
         file: PathBuf,
-        /// Where light leaves.
+        /// The place where light leaves.
         leak: Leak,
     },
     /// A solver refused its settings or its system.
     Solver(SolverError),
-    /// Patches emit, reflect everything, and let nothing out.
+    /// Patches emit and reflect everything, and no light leaves.
     NoFiniteSolution {
         /// The file of the materials.
         file: PathBuf,
         /// The surface or patch.
         place: String,
-        /// How many patches there are in all.
+        /// The number of such patches.
         n_patches: usize,
         /// The name of a reflectance in the file.
         reflectance: &'static str,
@@ -90,7 +90,7 @@ pub enum WorkflowError {
         /// The name of the scene.
         scene: PathBuf,
     },
-    /// Voxels or links were refused, or could not be kept.
+    /// Voxels or links were refused, or could not be stored.
     Voxel(VoxelError),
     /// Voxels or links do not fit the memory.
     VoxelMemory {
@@ -101,9 +101,9 @@ pub enum WorkflowError {
         /// The remedy.
         remedy: VoxelRemedy,
     },
-    /// A picture was refused, or could not be written or read.
+    /// An image was refused, or could not be written or read.
     Render(RenderError),
-    /// A picture does not fit the memory.
+    /// An image does not fit the memory.
     ImageMemory {
         /// Width and height in pixels.
         size: (u32, u32),
@@ -116,14 +116,14 @@ pub enum WorkflowError {
     Heat {
         /// The file of the boundary conditions.
         file: PathBuf,
-        /// The line of it that the error is about, where that is known.
+        /// The line of the error, if known.
         line: Option<u32>,
-        /// Why.
+        /// The error.
         error: HeatError,
     },
     /// The checkpoint could not be opened.
     Checkpoint(CheckpointError),
-    /// Ranks that are to share work would compute different things.
+    /// Ranks that are to share work would compute different results.
     RanksDiffer {
         /// The difference.
         what: &'static str,
@@ -132,11 +132,11 @@ pub enum WorkflowError {
         /// The machines of that rank and of rank 0.
         hosts: [String; 2],
     },
-    /// Settings do not go together: a fault of whoever asks.
+    /// Settings do not fit together.
     Unsuited(Unsuited),
     /// A file or setting of a frame of a sequence is refused.
     InFrame {
-        /// Why.
+        /// The error.
         error: Box<WorkflowError>,
         /// The list of frames.
         list: PathBuf,
@@ -147,7 +147,7 @@ pub enum WorkflowError {
     },
     /// A time of a path of the sun has an error.
     AtTime {
-        /// Why.
+        /// The error.
         error: Box<WorkflowError>,
         /// The table of times.
         path: PathBuf,
@@ -156,17 +156,17 @@ pub enum WorkflowError {
         /// The time.
         time: String,
     },
-    /// Work was told to end.
+    /// The caller asked to stop.
     Interrupted,
 }
 
-/// Settings that do not go together.
+/// Settings that do not fit together.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Unsuited {
     /// Symmetric storage without balancing.
     SymmetricUnbalanced,
-    /// A solver that needs balanced form factors, where they are not stored.
+    /// A solver that needs balanced form factors, which are not stored.
     UnstoredReciprocity {
         /// The solver.
         solver: &'static str,
@@ -182,15 +182,15 @@ pub enum Unsuited {
         /// Methods of rows.
         others: String,
     },
-    /// A solver that needs rows of links that are not kept, as it says.
+    /// A solver that needs the rows of links that are not stored, with its message.
     RecomputedRows(String),
-    /// A file of form factors for other patches than those asked for.
+    /// A file of form factors for other patches than requested.
     OtherPatches {
         /// The file.
         file: PathBuf,
-        /// How its patches are cut.
+        /// The subdivision of its patches.
         subdivision: Subdivision,
-        /// Whether whole faces are asked for, where its are cut at contact edges.
+        /// True if whole faces are requested, but those of the file are cut at contact edges.
         is_whole: bool,
     },
     /// A sequence without frames.
@@ -201,7 +201,7 @@ pub enum Unsuited {
     LookAtEye,
     /// An up along the view, or without a direction.
     UpAlongView,
-    /// An image with sides, width and height in pixels, that images cannot have.
+    /// An image whose width and height in pixels are out of range.
     ImageSize(u32, u32),
 }
 
@@ -214,7 +214,7 @@ impl std::fmt::Display for WorkflowError {
 }
 
 impl WorkflowError {
-    /// Returns an error of boundary conditions with the line that it is about.
+    /// Returns an error of boundary conditions with its line.
     pub(super) fn heat(boundary: &Boundary, error: HeatError, scene: &Scene) -> Self {
         Self::Heat {
             file: boundary.file.clone(),
@@ -223,7 +223,7 @@ impl WorkflowError {
         }
     }
 
-    /// Returns where a sequence names what is refused, to be added to the error itself; empty elsewhere.
+    /// Returns the place where a sequence names the refused part, for the end of the message; empty for other errors.
     pub(crate) fn place(&self) -> String {
         match self {
             Self::InFrame { list, line, frame, .. } => {

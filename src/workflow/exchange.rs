@@ -5,13 +5,13 @@ use super::{Context, FormFactorStudy, Model, SolveRequest, WorkflowError, expect
 use crate::heat::{Boundary, ExchangeFactors, Gathered, Network, Nodes};
 use crate::matrix::operator::LinearOperator;
 
-/// The residual to which factors are solved where that can be reached.
+/// The residual that the solver aims at, if it can be reached.
 const AIM: f64 = 1e-12;
 
-/// Bytes of an entry while factors are found and written: sums, factors and errors, script-F and conductors.
+/// Bytes of an entry while factors are computed and written: sums, factors and errors, script-F and conductors.
 const ENTRY_BYTE: u64 = 48;
 
-/// Columns that are solved for in the same passes over the form factors.
+/// The number of columns that are solved for in the same passes over the form factors.
 const COLUMNS: usize = 32;
 
 /// The nodes of exchange factors.
@@ -25,10 +25,12 @@ pub enum ExchangeNodes {
 }
 
 impl Model {
-    /// Computes the exchange factors of surfaces, averaged over their patches with weights ε A, or of patches; temperatures and heats of the conditions play no part.
+    /// Computes the exchange factors of surfaces, averaged over their patches with weights ε A, or of patches.
+    ///
+    /// Temperatures and heats of the conditions have no effect.
     ///
     /// # Errors
-    /// [`WorkflowError::Heat`] of conditions that do not fit the scene; those of [`solve_system`](Self::solve_system).
+    /// [`WorkflowError::Heat`] for conditions that do not fit the scene; those of [`solve_system`](Self::solve_system).
     pub fn exchange_factors(
         &mut self,
         study: &FormFactorStudy,

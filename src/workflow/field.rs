@@ -1,4 +1,4 @@
-//! Fields of form factors as a whole step of a study: rendering, files, and what there is to warn of.
+//! Fields of form factors as a step of a study: rendering, files, and warnings.
 
 use std::num::NonZeroU32;
 use std::path::Path;
@@ -35,8 +35,9 @@ impl FieldMethod {
         }
     }
 
-    /// Returns how an image finds the form factor at each sample; `rays`: for each sample with [`Sr`](Self::Sr), by default [`DirectMethod::RAYS`], for each face of the surface with
-    /// [`Qmc`](Self::Qmc), by default [`FIELD_SHADOW_RAYS`].
+    /// Returns the direct method that computes the form factor at each sample.
+    ///
+    /// `rays` are for each sample with [`Sr`](Self::Sr), by default [`DirectMethod::RAYS`], and for each face of the surface with [`Qmc`](Self::Qmc), by default [`FIELD_SHADOW_RAYS`].
     #[must_use]
     pub fn direct(self, rays: Option<NonZeroU32>) -> DirectMethod {
         match self {
@@ -51,19 +52,19 @@ impl FieldMethod {
     }
 }
 
-/// A field that is wanted: the form factor from every visible point to a surface.
+/// The request for a field: the form factor from every visible point to a surface.
 #[derive(Clone, Copy)]
 pub struct FieldRequest<'a> {
     /// The surface.
     pub surface: SurfaceId,
-    /// From where it is seen.
+    /// The view.
     pub view: &'a ImageView,
-    /// How it is rendered.
+    /// The settings of the image.
     pub settings: RenderSettings,
 }
 
 impl Model {
-    /// Renders a field, with the attributes that its file has.
+    /// Renders a field, and returns it with the attributes of its file.
     ///
     /// # Errors
     /// [`WorkflowError::ImageMemory`], [`WorkflowError::Render`] and [`WorkflowError::Interrupted`].

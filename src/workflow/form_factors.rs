@@ -1,4 +1,4 @@
-//! Form factors with all that is known of them: method, computation, repair, checks.
+//! Form factors with their guarantees: method, computation, repair, checks.
 
 use std::time::{Duration, Instant};
 
@@ -36,7 +36,7 @@ pub enum Balance {
     Off,
 }
 
-/// The steps after form factors, where the time is limited.
+/// The steps after form factors, for a time limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Afterwards {
     /// Checks alone.
@@ -48,7 +48,7 @@ pub enum Afterwards {
 }
 
 impl Afterwards {
-    /// Returns the share of the time that form factors get, where what follows takes the rest.
+    /// Returns the share of the time for form factors; the steps after them use the rest.
     fn share(self) -> f64 {
         match self {
             Self::Nothing => 0.9,
@@ -63,30 +63,30 @@ impl Afterwards {
 pub struct FormFactorRequest {
     /// The name of the method.
     pub method: String,
-    /// Its settings, as far as they are given.
+    /// Its settings, as far as they are set.
     pub settings: MethodSettings,
-    /// Rays for each patch where the method shoots and no number is given.
+    /// The default number of rays for each patch of a method that shoots.
     pub default_rays: u64,
-    /// The tolerance of a method that has one, where none is given.
+    /// The default tolerance of a method that has one.
     pub default_tolerance: f64,
-    /// Whether the error of the mesh has set [`default_tolerance`](Self::default_tolerance).
+    /// True if the error of the mesh has set [`default_tolerance`](Self::default_tolerance).
     pub tolerance_is_by_mesh: bool,
     /// The parameter of the tolerance.
     pub tolerance_parameter: Parameter,
-    /// Whether [`SEQUENCE`] is for something else too, so that a method without use for it passes over it.
+    /// True if [`SEQUENCE`] has another use too, so that a method without use for it ignores it.
     pub is_sequence_shared: bool,
-    /// Whether they are made symmetric.
+    /// The repair of reciprocity and row sums.
     pub balance: Balance,
     /// The user's statement whether the scene is closed.
     pub closure: Closure,
-    /// The time that all may take from the beginning of the context: form factors get a share of it.
+    /// The time limit of the whole study, from the creation of the context; form factors use a share of it.
     pub time_limit: Option<(Duration, Afterwards)>,
     /// True if the plan lists occluders and tolerance.
     pub explain: bool,
 }
 
 impl Default for FormFactorRequest {
-    /// `exact` at its default tolerance.
+    /// Returns the request for `exact` at its default tolerance.
     fn default() -> Self {
         Self {
             method: "exact".to_owned(),
@@ -104,7 +104,7 @@ impl Default for FormFactorRequest {
     }
 }
 
-/// Form factors with what was found out about them.
+/// Form factors with their checks and guarantees.
 #[derive(Debug)]
 pub struct FormFactorStudy {
     /// F, with a standard error for each entry.
@@ -113,39 +113,39 @@ pub struct FormFactorStudy {
     pub checks: Checks,
     /// The effect of a repair.
     pub balance: Option<BalanceReport>,
-    /// Whether light cannot leave the scene.
+    /// True if light cannot leave the scene.
     pub closed: bool,
-    /// How many pairs were looked at, and how.
+    /// The numbers of pairs, by their treatment.
     pub pairs: Option<PairCounts>,
-    /// Whether all errors are within the tolerance.
+    /// True if all errors are within the tolerance.
     pub tolerance_met: bool,
     /// True if the entries have errors.
     pub errors_known: bool,
     /// The rows that are known to sum to 1, \[n\].
     pub closed_rows: Vec<bool>,
-    /// The power that form factors without reciprocity make, m², \[n\].
+    /// The power gained per unit of radiosity where form factors lack reciprocity, m², \[n\].
     pub gain: Vec<f64>,
-    /// The fractions of the light of each patch that escape and that black backs take, \[n\].
+    /// The fractions of the light of each patch that escape and that black backs absorb, \[n\].
     pub sky: SkyFactors,
 }
 
 impl FormFactorStudy {
-    /// Returns whether the work does what was asked for.
+    /// Returns whether the work achieved the request.
     ///
-    /// Doubt from rounded coordinates is no failure of it: files as ordinary as those turned out of the axes with six decimals know form factors to 1e-5, not to
-    /// the default of 1e-6, and no work changes that. A warning reports it, as does [`tolerance_met`](Self::tolerance_met).
+    /// Uncertainty by rounded coordinates is not a failure. In ordinary files of rotated scenes with six decimals, form factors have errors of 1e-5, above the
+    /// default tolerance of 1e-6, which no further work reduces. A warning reports it, as does [`tolerance_met`](Self::tolerance_met).
     #[must_use]
     pub fn is_done(&self) -> bool {
         self.tolerance_met || !spent_budget(self.pairs)
     }
 }
 
-/// Returns whether form factors that do not meet their tolerance spent a budget before; where nothing is known of their pairs, that is what it was.
+/// Returns whether form factors above their tolerance spent a budget, which is assumed if their pairs are unknown.
 pub(super) fn spent_budget(pairs: Option<PairCounts>) -> bool {
     pairs.is_none_or(|pairs| pairs.n_above_tolerance > 0)
 }
 
-/// Form factors as a method made them, or a file has them, before any repair.
+/// Form factors from a method or a file, before any repair.
 #[derive(Debug)]
 pub struct Raw {
     /// The computed form factors.
@@ -154,7 +154,7 @@ pub struct Raw {
     pub(super) promised: Promised,
 }
 
-/// Guarantees of form factors beyond those that they hold themselves.
+/// Guarantees of form factors beyond those stored with them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Promised {
     pub(super) reciprocity: Reciprocity,
@@ -162,26 +162,26 @@ pub(super) struct Promised {
     pub(super) errors_known: bool,
     /// The effect of an earlier repair on the row sums.
     pub(super) repair: Repair,
-    /// True if entries err by a rule.
+    /// True if entries have the bias of a quadrature rule.
     pub(super) by_rule: bool,
-    /// True if they are symmetric, with noise that is known of each.
+    /// True if they are symmetric, with known noise of each entry.
     pub(super) noisy_pairs: bool,
 }
 
-/// A method with what is known of its matrix.
+/// A method with known properties of its matrix.
 pub(super) struct Chosen {
     pub(super) method: Box<dyn FormFactorMethod>,
     /// True if it computes whole rows.
     by_rows: bool,
-    /// The most entries that a row can have, where the settings tell.
+    /// The greatest number of entries of a row, if the settings determine it.
     n_entries: Option<u64>,
 }
 
 impl Model {
-    /// Computes form factors, makes them symmetric where that is asked for, and checks them.
+    /// Computes form factors, repairs them as requested, and checks them.
     ///
     /// # Errors
-    /// [`WorkflowError::FormFactor`] of settings that the method has no use for, [`WorkflowError::Storage`], [`WorkflowError::Matrix`], [`WorkflowError::NotClosed`] and [`WorkflowError::Interrupted`].
+    /// [`WorkflowError::FormFactor`] for settings that the method does not use, [`WorkflowError::Storage`], [`WorkflowError::Matrix`], [`WorkflowError::NotClosed`] and [`WorkflowError::Interrupted`].
     pub fn form_factors(
         &mut self,
         request: &FormFactorRequest,
@@ -193,7 +193,7 @@ impl Model {
         self.repaired(raw, request, need, cx)
     }
 
-    /// Computes form factors, with those from `before` a change as far as they stay the same.
+    /// Computes form factors, reusing those from `before` a change that stay the same.
     ///
     /// # Errors
     /// As [`form_factors`](Self::form_factors).
@@ -258,7 +258,7 @@ impl Model {
             let nothing = "rays between patches: nothing here is sampled".into();
             self.plan.left_out.push(nothing);
         }
-        // Those of `exact` are traced in f64, and pass through no gap.
+        // The rays of `exact` are traced in f64, and pass through no gap.
         if (of_pairs > 0 && !is_exact) || result.factors.tallies().iter().any(|tally| tally.n_rays > 0) {
             self.warn_of_narrow_gaps(cx);
         }
@@ -281,7 +281,7 @@ impl Model {
         })
     }
 
-    /// Describes how visibility is found by exact clipping.
+    /// Describes visibility by exact clipping in the plan.
     fn explain_exact(&mut self, request: &FormFactorRequest) {
         let asked = request.settings.tolerance();
         let tolerance = asked.unwrap_or(request.default_tolerance);
@@ -311,7 +311,7 @@ impl Model {
         }
     }
 
-    /// Chooses method and tolerance for a limit of the whole study's time, of which form factors get a share.
+    /// Chooses method and tolerance for a time limit of the whole study, of which form factors use a share.
     fn chosen_for_time(
         &mut self,
         request: &FormFactorRequest,
@@ -349,7 +349,7 @@ impl Model {
     }
 }
 
-/// Warns of pairs above the tolerance, by what makes them so.
+/// Warns of pairs above the tolerance, by the cause.
 fn warn_above_tolerance(scene: &Scene, result: &Computed, tolerance: Parameter, cx: &Context) {
     let Some(pairs) = result.pairs else {
         return;
@@ -384,7 +384,7 @@ fn worst_error(factors: &FormFactors) -> f64 {
 }
 
 impl super::Memory {
-    /// Returns the need, or that of symmetric form factors if the storage asked for is theirs.
+    /// Returns the need, or that of symmetric form factors if the requested storage is symmetric.
     ///
     /// # Errors
     /// [`Unsuited::SymmetricUnbalanced`].
@@ -398,7 +398,7 @@ impl super::Memory {
 }
 
 impl FormFactorRequest {
-    /// Notes the settings that the method has a use for.
+    /// Records the settings that the method uses.
     fn note_settings(&self, entry: &MethodEntry, settings: &MethodSettings, cx: &mut Context) {
         let noted = &mut cx.settings;
         noted.method = Some(entry.name.to_owned());
@@ -407,7 +407,7 @@ impl FormFactorRequest {
             Parameter::FormFactorTolerance => &mut noted.form_factor_tolerance,
             _ => &mut noted.tolerance,
         };
-        // One of rows takes the place of that of entries, which is none of the results then.
+        // A tolerance of rows replaces that of entries, which is then no setting of the results.
         let of_entries = settings
             .tolerance()
             .filter(|_| settings.values.get(&ROW_TOLERANCE).is_none());
@@ -416,7 +416,7 @@ impl FormFactorRequest {
         noted.own.remove(&TOLERANCE);
     }
 
-    /// Returns the values that are given, with this request's own defaults for the method.
+    /// Returns the given settings, completed by this request's own defaults for the method.
     fn given(&self, entry: &MethodEntry) -> MethodSettings {
         let mut given = self.settings.clone();
         let values = &mut given.values;
@@ -432,7 +432,7 @@ impl FormFactorRequest {
         given
     }
 
-    /// Builds the method, and notes its settings.
+    /// Builds the method, and records its settings.
     pub(super) fn chosen(&self, cx: &mut Context) -> Result<Chosen, WorkflowError> {
         let entry = registry::by_name(&self.method)?;
         let is_given = |setting| self.settings.values.get(setting).is_some();
@@ -442,7 +442,7 @@ impl FormFactorRequest {
             return Err(FormFactorError::NotApplicable { method, reason }.into());
         }
         let settings = entry.resolve(&self.given(entry)).map_err(|error| match error {
-            // Where the solver has a tolerance too, this one has a longer name.
+            // If the solver has a tolerance too, that of form factors has a longer name.
             FormFactorError::UnusedSetting {
                 parameter: Parameter::Of(setting),
                 method,
@@ -456,7 +456,7 @@ impl FormFactorRequest {
         })?;
         self.note_settings(entry, &settings, cx);
         let by_rows = entry.by_rows() || settings.values.is_on(&NORMALISE);
-        // From one and two points a side, errors are stated of patches that no ray hit, too.
+        // With one or two points a side, errors are stated even for patches that no ray hit.
         let is_sparse = settings.points().is_none_or(|points| points.get() > 2);
         let n_entries = settings.rays().filter(|_| entry.shoots() && is_sparse);
         Ok(Chosen {

@@ -12,19 +12,21 @@ use crate::matrix::operator::{Block, LinearOperator};
 use crate::scene::Scene;
 use crate::solver::{Coarsened, Solution, StopReason};
 
-/// The residual that solvers are to reach where they can: temperatures follow from light that is nearly even at low emissivities, and from little of it beside hot surfaces.
+/// The residual that solvers aim at, if it can be reached.
+///
+/// Temperatures at low emissivities follow from nearly uniform light, and beside hot surfaces from little light.
 const AIM: f64 = 1e-12;
 
-/// The error of a surface's irradiance, relative to the larger of that and its own emissive power, from which it is warned of.
+/// The error of a surface's irradiance, relative to the larger of that and its own emissive power, above which there is a warning.
 pub const MAX_HEAT_ERROR: f64 = 1e-2;
 
-/// The relative change of a surface's mean radiosity by a mesh of one patch a face from which that mesh does not tell the error of the finer one.
+/// The relative change of a surface's mean radiosity by a mesh of one patch per face, above which that mesh does not show the error of the finer one.
 const MAX_CHANGE: f64 = 1e-2;
 
-/// The part of all heat from which backs are warned of.
+/// The share of all heat in back faces above which there is a warning.
 const TO_BACKS: f64 = 1e-12;
 
-/// The heat of a scene, and how it was found.
+/// The heat of a scene, with the solutions of both bands.
 #[derive(Debug)]
 pub struct HeatStudy {
     /// Temperatures, fluxes and their errors.
@@ -35,12 +37,12 @@ pub struct HeatStudy {
     pub thermal: Solution,
     /// The total error by solver and form factors.
     pub error: TotalError,
-    /// The change by a coarser mesh in the thermal band; `None` where that is not known.
+    /// The change by a coarser mesh in the thermal band; `None` where unknown.
     pub mesh_error: Option<MeshError>,
 }
 
 impl HeatStudy {
-    /// Returns whether temperatures are exact enough to state an error: see [`MAX_HEAT_ERROR`].
+    /// Returns whether the temperatures are accurate to [`MAX_HEAT_ERROR`].
     #[must_use]
     pub fn is_exact(&self) -> bool {
         self.heat.relative_error <= MAX_HEAT_ERROR
@@ -52,13 +54,13 @@ struct BandSystem<'a> {
     operator: &'a dyn LinearOperator,
     reflectance: Block,
     exitance: Block,
-    /// By form factors and solver, and that of the mesh included.
+    /// The errors by form factors and solver, and with that of the mesh.
     emitted_error: [Block; 2],
     outside: Outside,
     is_thermal: bool,
 }
 
-/// A band that is solved.
+/// A solved band.
 struct BandStudy {
     band: Band,
     solution: Solution,
@@ -66,14 +68,14 @@ struct BandStudy {
     mesh_error: Option<MeshError>,
 }
 
-/// Returns the error of a study, from that of the light of a number.
+/// Makes the error of a study from that of the light of a given number.
 pub(super) type Refusal<'a> = dyn Fn(usize, HeatError, &Scene) -> WorkflowError + 'a;
 
 impl Model {
-    /// Finds the temperatures and net fluxes of a scene with its boundary conditions.
+    /// Computes the temperatures and net fluxes of a scene with its boundary conditions.
     ///
     /// # Errors
-    /// [`WorkflowError::Heat`] of conditions that do not fit the scene or determine no temperature; those of [`solve_system`](Self::solve_system).
+    /// [`WorkflowError::Heat`] for conditions that do not fit the scene or determine no temperature; those of [`solve_system`](Self::solve_system).
     pub fn heat(
         &mut self,
         study: &FormFactorStudy,
@@ -89,7 +91,9 @@ impl Model {
         Ok(found)
     }
 
-    /// Does what [`heat`](Self::heat) does for each of several lights from outside, all in the same passes over the form factors; `refused`: what to say of an error of the light of this number.
+    /// Computes heat as [`heat`](Self::heat) does for each of several lights from outside, all in the same passes over the form factors.
+    ///
+    /// `refused` makes the error of the light of a given number.
     pub(super) fn heat_of_each(
         &mut self,
         study: &FormFactorStudy,
@@ -176,7 +180,7 @@ impl Model {
         Ok(all)
     }
 
-    /// Finds what arrives straight from sun and sky.
+    /// Computes the irradiance straight from sun and sky.
     fn direct_light(&self, study: &FormFactorStudy, boundary: &Boundary, cx: &Context) -> DirectLight {
         let sun = boundary.sun.map(|sun| cx.time("sun", || sunlight(self.input(), &sun)));
         DirectLight {
@@ -185,7 +189,7 @@ impl Model {
         }
     }
 
-    /// Finds what arrives straight from the sky, and its error, W·m⁻², \[n\] each.
+    /// Computes the irradiance straight from the sky and its error, W·m⁻², \[n\] each.
     pub(super) fn skylight(&self, study: &FormFactorStudy, boundary: &Boundary, cx: &Context) -> [Vec<f64>; 2] {
         let n = self.mesh.n_patches();
         let Some(sky) = &boundary.sky else {
@@ -198,7 +202,7 @@ impl Model {
         ]
     }
 
-    /// Solves the solar band; `None` where nothing arrives at all.
+    /// Solves the solar band; `None` without any light.
     fn solar_band(
         &mut self,
         study: &FormFactorStudy,
@@ -236,7 +240,7 @@ impl Model {
         self.bands(study, system, reflect, request, cx).map(Some)
     }
 
-    /// Solves one band of each light from outside and states its errors; `reflect`: x ← R x.
+    /// Solves one band for each light from outside and estimates its errors; `reflect`: x ← R x.
     fn bands(
         &mut self,
         study: &FormFactorStudy,
@@ -305,7 +309,7 @@ impl Model {
     }
 }
 
-/// Returns what a coarser mesh would change in the irradiance of each patch, W·m⁻²: F (d − (B − B̄)), with B̄ + d the radiosity of the coarser patch.
+/// Returns the change of the irradiance of each patch by a coarser mesh, W·m⁻²: F (d − (B − B̄)), with B̄ + d the radiosity of the coarser patch.
 fn mesh_change(enclosure: &Enclosure<'_>, coarse: &Coarsened) -> Vec<f64> {
     let change = coarse.change.values().iter().zip(coarse.spread.values());
     let change = Block::from_values(change.map(|(d, spread)| d - spread).collect(), 1);
@@ -331,7 +335,7 @@ impl HeatStudy {
         warn_of_errors(self.thermal.stop_reason, self.heat.relative_error, cx);
     }
 
-    /// Warns of an error of the mesh that is not known, or known from too coarse a mesh.
+    /// Warns if the error of the mesh is unknown, or estimated from too coarse a mesh.
     pub(super) fn warn_of_mesh(&self, n_faces: usize, cx: &Context) {
         if self.heat.thermal.mesh_change.is_none() {
             cx.warn_once(Warning::NoMeshError);
@@ -346,7 +350,7 @@ impl HeatStudy {
     }
 }
 
-/// Warns of backs that take heat.
+/// Warns of heat that backs absorb.
 pub(super) fn warn_of_backs(balance: &HeatBalance, cx: &Context) {
     let moved = balance.escaped_w + balance.supplied_w.abs() + balance.sun_w + balance.sky_w;
     if balance.absorbed_by_backs_w > TO_BACKS * moved {
@@ -356,7 +360,7 @@ pub(super) fn warn_of_backs(balance: &HeatBalance, cx: &Context) {
     }
 }
 
-/// Warns of irradiances with a great `relative` error; an unknown error, and a solver that gave up, have warnings of their own.
+/// Warns of irradiances with a large `relative` error; an unknown error, and a solver that did not converge, have warnings of their own.
 pub(super) fn warn_of_errors(reason: StopReason, relative: f64, cx: &Context) {
     if reason == StopReason::Converged && relative > MAX_HEAT_ERROR && relative.is_finite() {
         cx.warn(Warning::InexactHeat { relative });

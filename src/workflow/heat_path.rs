@@ -47,7 +47,7 @@ pub struct HeatStep {
 }
 
 impl HeatStep {
-    /// Returns whether temperatures are exact enough to state an error: see [`MAX_HEAT_ERROR`].
+    /// Returns whether the temperatures are accurate to [`MAX_HEAT_ERROR`].
     #[must_use]
     pub fn is_exact(&self) -> bool {
         self.relative_error_max <= MAX_HEAT_ERROR
@@ -67,7 +67,7 @@ impl HeatStep {
     }
 }
 
-/// The heat of boundary conditions with a sun that moves.
+/// The boundary conditions with a moving sun.
 struct HeatWork<'a> {
     study: &'a FormFactorStudy,
     boundary: &'a Boundary,
@@ -78,12 +78,13 @@ struct HeatWork<'a> {
 }
 
 impl Model {
-    /// Finds temperatures and net fluxes at every time of a path of the sun, which takes the place of that of `boundary`; `sink` takes the values of the patches.
+    /// Computes temperatures and net fluxes at every time of a path of the sun, which replaces the sun of `boundary`; `sink` receives the values of the patches.
     ///
-    /// At each time as [`heat`](Self::heat) does: surfaces store no heat, each time is a steady state of its own. Many times share the passes over the form factors. Blocks that the checkpoint has are not solved again.
+    /// Each time is computed as by [`heat`](Self::heat): surfaces store no heat, and each time is a steady state of its own. Many times share the passes over the form factors. Blocks in the
+    /// checkpoint are not solved again.
     ///
     /// # Errors
-    /// As [`heat`](Self::heat), with the time where it is about one, and those of `sink`.
+    /// As [`heat`](Self::heat), with the time of the error if it has one, and those of `sink`.
     pub fn heat_along_sun_path(
         &mut self,
         study: &FormFactorStudy,
@@ -109,7 +110,7 @@ impl Model {
     }
 }
 
-/// Warns of the time at which backs take most heat, and of that with the greatest error.
+/// Warns of the time at which backs absorb most heat, and of that with the greatest error.
 fn warn_of_the_worst(steps: &[HeatStep], cx: &Context) {
     let to_backs = |step: &&HeatStep| step.balance.absorbed_by_backs_w;
     if let Some(step) = steps.iter().max_by(|a, b| to_backs(a).total_cmp(&to_backs(b))) {
@@ -133,7 +134,7 @@ impl PathWork for HeatWork<'_> {
     }
 
     fn hash_into(&self, _: &Model, hasher: &mut Sha256) {
-        // Wherever they stand.
+        // The place of the conditions in a file does not affect the results.
         let conditions = Boundary {
             file: PathBuf::new(),
             lines: Vec::new(),
@@ -203,7 +204,7 @@ impl PathWork for HeatWork<'_> {
 }
 
 impl HeatWork<'_> {
-    /// Finds what comes straight from sun and sky at some times.
+    /// Computes the direct light of sun and sky at some times.
     fn direct(&self, model: &Model, occluders: &SunOccluders, steps: &[SunStep]) -> Vec<DirectLight> {
         let at = |step: &SunStep| {
             let sun = step.sun.map(|sun| occluders.sunlight(model.input(), &sun));

@@ -1,4 +1,4 @@
-//! Images as a whole step of a study: what they want of the light that they show, memory, rendering, audit, files, and what an earlier run has written already.
+//! Images as a step of a study: defaults for their light, memory, rendering, audit and files, and reuse of images that an earlier run has written.
 
 use std::path::Path;
 
@@ -16,17 +16,18 @@ use crate::render::{
 use crate::report::memory_used_byte;
 use crate::scene::Scene;
 
-/// Rays for each patch where the light is for an image: enough that the noise of a patch does not show.
+/// The default number of rays for each patch where the light is for an image: the noise of a patch is then invisible.
 pub const IMAGE_RAYS: u64 = 16384;
 
-/// The tolerance of form factors where the light is for an image: below a tenth of a typical factor between patches of the default
-/// size, which is 1/3000, and errors of both signs mostly cancel; patches of that size are off by more.
+/// The default tolerance of form factors where the light is for an image.
+///
+/// It is below a tenth of a typical factor between patches of the default size, which is 1/3000. Errors of both signs mostly cancel, and patches of that size have larger errors.
 pub const IMAGE_TOLERANCE: f64 = 1e-5;
 
-/// The number of patches that the subdivision for an image aims at.
+/// The number of patches of the default subdivision for an image.
 const PATCHES: f64 = 3000.0;
 
-/// Returns patches of about equal size, 3000 in all, and a few more where contact edges cut faces.
+/// Returns a subdivision into some 3000 patches of about equal size, and a few more where contact edges cut faces.
 #[must_use]
 pub fn image_patches(scene: &Scene) -> Subdivision {
     let area: f64 = scene.face_ids().map(|face| scene.area_vector(face).length()).sum();
@@ -36,10 +37,10 @@ pub fn image_patches(scene: &Scene) -> Subdivision {
 /// Memory for a pixel while the image is rendered and written.
 const PIXEL_BYTE: u64 = 512;
 
-/// The same with final gather, which keeps every pixel's sums until all are finished.
+/// The same with final gather, which stores every pixel's sums until all are finished.
 const GATHER_BYTE: u64 = 1536;
 
-/// How an image is written.
+/// The format of an image file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ImageFile {
     /// The kind of floats.
@@ -48,16 +49,16 @@ pub struct ImageFile {
     pub parts: exr::Parts,
 }
 
-/// An image that is wanted.
+/// The request for an image.
 #[derive(Clone, Copy)]
 pub struct ImageRequest<'a> {
     /// The view.
     pub view: &'a dyn View,
-    /// The name of its camera in warnings; `None` of a view without one.
+    /// The name of its camera in warnings; `None` for a view without one.
     pub camera: Option<&'a str>,
-    /// How it is rendered.
+    /// The settings of the image.
     pub settings: RenderSettings,
-    /// How it is written.
+    /// The format of the file.
     pub file: ImageFile,
     /// The OpenEXR file.
     pub output: &'a Path,
@@ -65,7 +66,7 @@ pub struct ImageRequest<'a> {
     pub preview: &'a Path,
 }
 
-/// Returns the memory that an image takes, in bytes, if it is within the limit beside what is used already: all layers, and as much again while they are coded.
+/// Returns the memory of an image, in bytes, for all layers and as much again for coding, if it fits the limit with the memory in use.
 ///
 /// # Errors
 /// [`WorkflowError::ImageMemory`].
@@ -85,7 +86,7 @@ pub fn image_byte(view: &dyn View, settings: &RenderSettings, memory: &Memory) -
     })
 }
 
-/// Renders an image and writes it with its preview; one that an earlier run has written, by the checkpoint, is read.
+/// Renders an image and writes it with its preview; one that an earlier run has written, according to the checkpoint, is read.
 ///
 /// # Errors
 /// [`WorkflowError::Render`], and [`WorkflowError::Interrupted`].
@@ -121,7 +122,7 @@ pub fn render_to_files(
     Ok(image)
 }
 
-/// Renders an image, with the attributes that its file has; `camera`: what a warning calls it.
+/// Renders an image, with the attributes of its file; warnings call its view `camera`.
 ///
 /// # Errors
 /// [`WorkflowError::Render`], and [`WorkflowError::Interrupted`].
@@ -147,10 +148,10 @@ pub fn rendered(
     Ok((image, attributes))
 }
 
-/// Does as [`render_to_files`], while the viewer tev at `address`, if there is one, shows the image.
+/// Renders an image as [`render_to_files`] does, and shows it in the viewer tev at `address`, if there is one.
 ///
 /// # Errors
-/// As [`render_to_files`]; a viewer that is not there, or goes away, is a warning.
+/// As [`render_to_files`]; an unreachable or disconnected viewer causes a warning.
 pub fn render_shown(
     input: &RenderInput<'_>,
     request: &ImageRequest<'_>,
@@ -167,7 +168,7 @@ pub fn render_shown(
     Ok(image)
 }
 
-/// Opens an image in a viewer; without one there is a warning, and nothing to watch.
+/// Opens an image in a viewer; returns `None` with a warning if it cannot be reached.
 fn connect(address: &str, request: &ImageRequest<'_>, cx: &Context) -> Option<TevDisplay> {
     let name = request.output.file_name().unwrap_or_default().to_string_lossy();
     let (width, height) = request.view.size();
@@ -183,7 +184,7 @@ fn connect(address: &str, request: &ImageRequest<'_>, cx: &Context) -> Option<Te
     }
 }
 
-/// Returns what final gather took, and warns of pixels that stay above the noise.
+/// Returns the cost of final gather, and warns of pixels that stay above the noise.
 #[must_use]
 pub fn gathered(image: &Image, settings: RenderSettings, path: &Path, cx: &Context) -> Option<GatherReport> {
     let report = GatherReport::new(image, settings.gather?);
@@ -213,19 +214,19 @@ pub fn warn_if_blank(image: &Image, view: &dyn View, camera: Option<&str>, cx: &
     }
 }
 
-/// The part of the checkpoint that says which images are written.
+/// The part of the checkpoint that lists the written images.
 const PART: u32 = 1 << 21;
 
-/// An image of which a checkpoint may know that it is written.
+/// An image whose files a checkpoint may list.
 struct KeptImage {
     /// A hash of all that its files depend on.
     key: [u8; 32],
-    /// Its number: the beginning of the key.
+    /// Its number: the first bytes of the key.
     piece: u64,
 }
 
 impl KeptImage {
-    /// `None` without a checkpoint, and for numbers that are rounded in the file: what is told of such an image cannot be read from it.
+    /// Returns `None` without a checkpoint, and for numbers that are rounded in the file, from which the results cannot be restored.
     fn new(
         cx: &Context,
         input: &RenderInput<'_>,
@@ -234,7 +235,7 @@ impl KeptImage {
         file: ImageFile,
     ) -> Option<Self> {
         cx.checkpoint()?;
-        // Ranks take the same steps, and the files of one are not those of another.
+        // All ranks take the same steps, but the files of one rank are not those of another.
         if cx.ranks.size() > 1 {
             return None;
         }
@@ -252,7 +253,7 @@ impl KeptImage {
         })
     }
 
-    /// Returns what a checkpoint keeps of the image: the key and the hashes of its files.
+    /// Returns the entry of the image in a checkpoint: the key and the hashes of its files.
     fn content(&self, output: &Path, preview: &Path) -> Option<Vec<u8>> {
         let mut content = self.key.to_vec();
         for file in [output, preview] {
@@ -261,7 +262,7 @@ impl KeptImage {
         Some(content)
     }
 
-    /// Returns the image if an earlier run wrote it and it is still as it was.
+    /// Returns the image if an earlier run wrote it and its files are unchanged.
     fn image(&self, cx: &Context, output: &Path, preview: &Path) -> Option<Image> {
         let checkpoint = cx.checkpoint()?;
         checkpoint.begin_part(PART, &[0; 32]);

@@ -1,29 +1,29 @@
-//! The light that an image shows, solved as far as the image needs it.
+//! Solves for the light of an image, as far as the image needs it.
 
 use super::{Context, Daylight, FormFactorRequest, FormFactorStudy, Model, SolutionStudy, SolveRequest, WorkflowError};
 use crate::matrix::operator::Block;
 use crate::render::{DirectMethod, Outdoors, RenderInput};
 
-/// The name in place of a solver's where none is needed, because nothing reflects.
+/// The name in place of a solver's where nothing reflects.
 pub const NO_SOLVER: &str = "none";
 
 /// The light that an image is made from.
 #[derive(Debug)]
 pub struct ImageLight {
-    /// The name of the solver that was asked for, or [`NO_SOLVER`].
+    /// The name of the requested solver, or [`NO_SOLVER`].
     pub solver: String,
     /// The solution.
     pub study: SolutionStudy,
-    /// The form factors, where they are stored.
+    /// The form factors, if they are stored.
     pub factors: Option<FormFactorStudy>,
-    /// F (B − E), and what comes straight from the sky, W·m⁻², \[n, c\], where a direct pass adds the rest.
+    /// F (B − E), and the direct light of the sky, W·m⁻², \[n, c\], if a direct pass adds the rest.
     pub indirect_irradiance: Option<Block>,
     /// Sun and sky.
     pub outdoors: Outdoors,
 }
 
 impl ImageLight {
-    /// Returns what a renderer looks at.
+    /// Returns the input of a renderer.
     #[must_use]
     pub fn input<'a>(&'a self, model: &'a Model) -> RenderInput<'a> {
         RenderInput {
@@ -40,7 +40,9 @@ impl ImageLight {
 }
 
 impl Model {
-    /// Solves for the light of an image with a `direct` pass, in `daylight`. Nothing is solved if that pass finds all light. `on_the_fly` stores no form factors and accepts no daylight.
+    /// Solves for the light of an image with a `direct` pass, in `daylight`.
+    ///
+    /// Nothing is solved if that pass finds all light. `on_the_fly` stores no form factors and accepts no daylight.
     ///
     /// # Errors
     /// Those of [`form_factors`](Self::form_factors), [`solve`](Self::solve) and [`solve_on_the_fly`](Self::solve_on_the_fly).

@@ -1,4 +1,4 @@
-//! The light that leaks through patches that are not cut at contact edges.
+//! Light that leaks through patches that are not cut at contact edges.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,14 +7,14 @@ use crate::matrix::operator::Block;
 use crate::mesh::ContactEdges;
 use crate::visibility::leaks::{Leakage, LightLeaks};
 
-/// The leak, as far as it is known.
+/// The light leaks found so far.
 #[derive(Clone, Debug, Default)]
 pub struct Leaks {
-    /// Those of the patches at hand, where contact edges cross some.
+    /// Those of the current patches, if contact edges cross some.
     found: Option<LightLeaks>,
-    /// The worst so far.
+    /// The worst leak so far.
     pub worst: Option<Leak>,
-    /// Whether more leaks than results may have.
+    /// True if more leaks than results may have.
     pub are_too_great: bool,
 }
 
@@ -53,7 +53,7 @@ pub enum Amount {
 }
 
 impl Leaks {
-    /// Counts a leak among the others.
+    /// Records a leak.
     pub(super) fn add(&mut self, leak: Option<Leak>, is_too_great: bool) {
         self.are_too_great |= is_too_great;
         if let Some(own) = leak

@@ -29,7 +29,7 @@ pub struct LightStep {
     pub quality: Quality,
 }
 
-/// The light of the scene's materials, a sun that moves, and a sky that does not.
+/// The light of the scene's materials, with a moving sun and a fixed sky.
 struct LightWork<'a> {
     study: &'a FormFactorStudy,
     request: &'a SolveRequest,
@@ -38,9 +38,9 @@ struct LightWork<'a> {
 }
 
 impl Model {
-    /// Solves for the light of the scene's own materials at every time of a path of the sun, and states its errors; `sink` takes the values of the patches.
+    /// Solves for the light of the scene's own materials at every time of a path of the sun, and estimates its errors; `sink` receives the values of the patches.
     ///
-    /// At each time as [`solve_in_daylight`](Self::solve_in_daylight) does, for many times in the same passes over the form factors. Blocks that the checkpoint has are not solved again.
+    /// Each time is solved as by [`solve_in_daylight`](Self::solve_in_daylight), many times in the same passes over the form factors. Blocks in the checkpoint are not solved again.
     ///
     /// # Errors
     /// As [`solve_system`](Self::solve_system), and those of `sink`.
@@ -151,7 +151,7 @@ impl PathWork for LightWork<'_> {
 }
 
 impl LightWork<'_> {
-    /// Finds what comes straight from sun and sky at some times.
+    /// Computes the direct light of sun and sky at some times.
     fn direct(&self, model: &Model, occluders: &SunOccluders, steps: &[SunStep], cx: &Context) -> Vec<DirectDaylight> {
         let (input, n_channels) = (model.input(), model.plan.n_channels);
         let at = |step: &SunStep| {

@@ -18,9 +18,9 @@ pub struct Stack {
     channels: Vec<Range<usize>>,
     /// ρ of each patch, \[n, c\].
     pub reflectance: Block,
-    /// E of each patch, in daylight E + ρ D, W·m⁻², \[n, c\].
+    /// E of each patch, or E + ρ D in daylight, W·m⁻², \[n, c\].
     pub exitance: Block,
-    /// Of each lighting, in daylight.
+    /// The daylight of each lighting; empty without daylight.
     daylight: Vec<InDaylight>,
 }
 
@@ -31,12 +31,14 @@ pub(super) struct InDaylight {
     pub(super) emitted: Block,
     /// The error of E + ρ D, W·m⁻², \[n, c\].
     pub(super) error: Block,
-    /// D.
+    /// The direct light D.
     pub(super) direct: DirectDaylight,
 }
 
 impl Stack {
-    /// Returns lightings side by side; `None` is the lighting of the scene itself. With `has_colours` each has three channels, also where it is grey.
+    /// Returns lightings side by side; `None` stands for the lighting of the scene itself.
+    ///
+    /// With `has_colours` each has three channels, even if it is grey.
     #[must_use]
     pub fn new(model: &Model, lightings: &[Option<Lighting>], has_colours: bool) -> Self {
         let scene = &model.scene;
@@ -53,7 +55,7 @@ impl Stack {
                 None => plain(patch),
             };
             let of_patches: Vec<_> = model.mesh.patches.iter().map(of_patch).collect();
-            // What is grey everywhere takes a third of the time in one channel.
+            // A lighting that is grey everywhere takes a third of the time in one channel.
             let grey = !has_colours && of_patches.iter().all(|(rho, e)| is_grey(*rho) && is_grey(*e));
             let own = n_channels..n_channels + if grey { 1 } else { 3 };
             n_channels = own.end;
@@ -76,7 +78,7 @@ impl Stack {
         }
     }
 
-    /// Adds what comes straight from sun and sky, in three channels, to all lightings.
+    /// Adds the direct light of sun and sky, in three channels, to all lightings.
     pub(super) fn shine(&mut self, direct: &DirectDaylight) {
         for k in 0..self.channels.len() {
             let own = self.channels[k].clone();
@@ -90,7 +92,7 @@ impl Stack {
         }
     }
 
-    /// Returns what lighting `k` is in daylight; `None` without.
+    /// Returns lighting `k` in daylight; `None` without daylight.
     pub(super) fn in_daylight(&self, k: usize) -> Option<&InDaylight> {
         self.daylight.get(k)
     }
@@ -102,7 +104,7 @@ impl Stack {
         (own(&self.reflectance), own(&self.exitance))
     }
 
-    /// Returns what of the coarser mesh of all lightings belongs to lighting `k`.
+    /// Returns the part of the coarser mesh of all lightings that belongs to lighting `k`.
     #[must_use]
     pub fn coarsened(&self, k: usize, all: &Coarsened) -> Coarsened {
         all.of_channels(self.channels[k].clone())
@@ -116,7 +118,7 @@ impl Stack {
         cx.lighting_files = repeated.collect();
     }
 
-    /// Returns what of the solution of all lightings belongs to lighting `k`. The passes, and what happened in them, are those of all together.
+    /// Returns the part of the solution of all lightings that belongs to lighting `k`; the figures of the passes are those of all together.
     #[must_use]
     pub fn solution(&self, k: usize, all: &Solution) -> Solution {
         all.of_channels(self.channels[k].clone())
@@ -140,7 +142,7 @@ impl Model {
     /// Returns ρ of the scene and E of a file for each channel of its lightings, \[n, c\] each; see [`exitance::read`].
     ///
     /// # Errors
-    /// [`WorkflowError::Report`], also where a scene with colours meets grey lightings.
+    /// [`WorkflowError::Report`], also if a scene with colours meets grey lightings.
     pub fn materials_of(&self, exitances: &Path) -> Result<(Block, Block), WorkflowError> {
         let found = exitance::read(exitances, self.mesh.n_patches())?;
         let (reflectance, _) = self.materials();
@@ -154,7 +156,9 @@ impl Model {
         Ok((reflectance, found.values))
     }
 
-    /// Solves for lightings, each of a file, all together; `each` takes their light one by one. Returns the solution of all, and the worst that solver and form factors say of the error of one.
+    /// Solves for lightings, each of a file, all together; `each` receives their light one by one.
+    ///
+    /// Returns the solution of all, and the worst error of a lighting by solver and form factors.
     ///
     /// # Errors
     /// As [`solve_system`](Self::solve_system), and those of `each`.

@@ -1,4 +1,4 @@
-//! The light of each surface, as documents have it.
+//! The light of each surface, for documents.
 
 use serde::{Deserialize, Serialize};
 
@@ -80,7 +80,7 @@ pub struct SunlitSurface {
 }
 
 impl SunlitSurface {
-    /// Returns the surfaces of a model with the means of what the sun lights.
+    /// Returns the surfaces of a model with the means of the sunlight.
     #[must_use]
     fn of(model: &Model, sunlit: &Sunlit) -> Vec<Self> {
         let one = |values: &[f64]| model.surface_means(&Block::from_values(values.to_vec(), 1));
@@ -98,7 +98,7 @@ impl SunlitSurface {
 }
 
 impl LitSurface {
-    /// Returns the surfaces of a model with the means of a solution, and of what comes straight from sun and sky where they shine.
+    /// Returns the surfaces of a model with the means of a solution, and of the direct light of sun and sky.
     #[must_use]
     pub fn in_daylight(model: &Model, solution: &Solution, direct: &DirectDaylight) -> Vec<Self> {
         let mut surfaces = Self::of(model, solution);

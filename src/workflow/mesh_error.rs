@@ -9,10 +9,10 @@ use crate::mesh::Hierarchy;
 use crate::progress::Progress as _;
 use crate::solver::{Coarsened, Solution, SolverError, StopReason, coarsened, relative_errors};
 
-/// A surface whose mean radiosity is below this part of the most that a surface reflects in the mean is not looked at.
+/// The mean radiosity, relative to the greatest mean reflected one, below which a surface is ignored.
 const DARK: f64 = 1e-6;
 
-/// The change of a surface's mean radiosity, relative to itself, from which it is warned of.
+/// The relative change of a surface's mean radiosity above which there is a warning.
 const MUCH: f64 = 0.5;
 
 /// How a solution would change with about a quarter of the patches.
@@ -30,7 +30,9 @@ pub struct MeshError {
 }
 
 impl Model {
-    /// Estimates the radiosities on a mesh of about a quarter of the patches, all channels at once; `None` where that is not known, or not worth its passes over the form factors.
+    /// Estimates the radiosities on a mesh of about a quarter of the patches, all channels at once.
+    ///
+    /// Returns `None` where they are unknown, or not worth their passes over the form factors.
     ///
     /// # Errors
     /// [`WorkflowError::Matrix`] where form factors on a disk cannot be read, and [`WorkflowError::Interrupted`].
@@ -44,7 +46,7 @@ impl Model {
         self.coarsened_by(&study.factors, study, reflectance, solution, cx)
     }
 
-    /// Does what [`coarsened`](Self::coarsened) does where an `operator` that is made of the form factors takes their place.
+    /// Estimates as [`coarsened`](Self::coarsened) does, with an `operator` made of the form factors in their place.
     pub(super) fn coarsened_by(
         &self,
         operator: &dyn LinearOperator,
@@ -68,12 +70,12 @@ impl Model {
         match found {
             Ok(coarse) => Ok(coarse),
             Err(error @ SolverError::Disk(_)) => Err(error.into()),
-            // A room that reflects all light has no balanced difference: that is no reason to keep the light itself back.
+            // A room that reflects all light has no balanced difference, but the light itself is still valid.
             Err(_) => Ok(None),
         }
     }
 
-    /// Makes numbers of what a coarser mesh would change in a solution for an `exitance`, and warns where that is nearly all of a surface's light.
+    /// Returns figures of the change by a coarser mesh, for an `exitance`, and warns where it is nearly all of a surface's light.
     #[must_use]
     pub fn mesh_error(
         &self,
@@ -93,7 +95,7 @@ impl Model {
 }
 
 impl MeshError {
-    /// Makes numbers of what a coarser mesh would change in a solution for an `exitance`; `None` of one that has not converged, or has no light.
+    /// Returns figures of the change by a coarser mesh, for an `exitance`; `None` for a solution that has not converged, or has no light.
     fn of(model: &Model, coarse: &Coarsened, exitance: &Block, solution: &Solution) -> Option<Self> {
         let is_dark = solution.radiosity.values().iter().all(|b| *b <= 0.0);
         if is_dark || solution.stop_reason != StopReason::Converged {

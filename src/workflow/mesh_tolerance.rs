@@ -1,31 +1,31 @@
-//! The tolerance of form factors that the mesh is worth.
+//! Chooses the tolerance of form factors by the error of the mesh.
 
 use super::{Context, FormFactorRequest, FormFactorStudy, Model, SolveRequest, Use, WorkflowError};
 use crate::form_factor::ROW_TOLERANCE;
 use crate::matrix::Need;
 use crate::mesh::{ContactEdges, Mesh, MeshOptions, Subdivision};
 
-/// The patches that a mesh has at least before a coarser one is solved for its tolerance.
+/// The least number of patches of a mesh for which a coarser one is solved.
 const MIN_PATCHES: usize = 1000;
 
-/// How many times longer the edges of that coarser mesh are.
+/// The ratio of the edges of that coarser mesh to those of the mesh.
 const COARSER: u32 = 4;
 
 /// The tolerance of the coarser mesh's form factors.
 const COARSE_TOLERANCE: f64 = 1e-3;
 
-/// The tolerance is this part of the error that the mesh has at least.
+/// The ratio of the tolerance to the least error of the mesh.
 const PART: f64 = 0.1;
 
-/// The loosest tolerance that is chosen.
+/// The greatest tolerance that is chosen.
 const MAX_TOLERANCE: f64 = 1e-3;
 
 impl Model {
-    /// Computes the form factors that the light of the scene's own materials needs.
+    /// Computes the form factors for the light of the scene's own materials.
     ///
-    /// Where no tolerance is given, `exact` computes to a tenth of the error that the mesh has at least, if that is looser than the default. A mesh with edges four times as long is solved first, and the change of
-    /// a surface's mean radiosity with a quarter of *its* patches is taken: second-order convergence divides it by 16 in the finer mesh, a slower one by less.
-    /// The tolerance is rounded down to 1, 2 or 5 times a power of ten, and is at most 1e-3. Without occluders nothing depends on it, and the default stays.
+    /// If no tolerance is given, `exact` computes to a tenth of the least error of the mesh, if that is looser than the default. For this, a mesh with edges four times as long is solved, and the
+    /// greatest change of a surface's mean radiosity with a quarter of *its* patches is found: second-order convergence divides it by 16 in the finer mesh, slower convergence by less. The tolerance
+    /// is rounded down to 1, 2 or 5 times a power of ten, and is at most 1e-3. Without occluders it has no effect, and the default stays.
     ///
     /// # Errors
     /// As [`form_factors`](Self::form_factors).
@@ -59,7 +59,7 @@ impl Model {
         };
         let contact_edges = ContactEdges::of(&self.scene);
         let n_coarse = Mesh::count(&contact_edges, options).unwrap_or(u64::MAX);
-        // Where faces are as small as patches, the coarser mesh is no coarser.
+        // If faces are as small as patches, the coarser mesh has hardly fewer patches.
         if n_coarse.saturating_mul(u64::from(COARSER * COARSER)) > 2 * n_patches as u64 {
             return Ok(None);
         }
@@ -72,7 +72,9 @@ impl Model {
         Ok((tolerance > request.default_tolerance).then_some(tolerance))
     }
 
-    /// Returns the greatest change of a surface's mean radiosity by a quarter of the patches of a mesh; `None` where it is not known: the light itself is not kept back by that.
+    /// Returns the greatest change of a surface's mean radiosity by a quarter of the patches of a mesh.
+    ///
+    /// Returns `None` if it is unknown: a failure here must not prevent the solution.
     fn change_of(&self, options: MeshOptions, request: &FormFactorRequest, mut cx: Context) -> Option<f64> {
         let mut coarse = Self::new(self.scene.clone(), &self.file, options, Use::Points, &mut cx).ok()?;
         let rough = FormFactorRequest {
@@ -86,7 +88,7 @@ impl Model {
     }
 }
 
-/// Returns the options of a mesh with edges [`COARSER`] times as long, which has patches to combine itself.
+/// Returns the options of a mesh with edges [`COARSER`] times as long, if it still has patches to combine.
 fn coarser(options: MeshOptions) -> Option<MeshOptions> {
     let subdivision = match options.subdivision {
         Subdivision::Uniform(n) if n >= 2 * COARSER => Subdivision::Uniform(n / COARSER),
@@ -96,7 +98,7 @@ fn coarser(options: MeshOptions) -> Option<MeshOptions> {
     Some(MeshOptions { subdivision, ..options })
 }
 
-/// Returns the greatest of 1, 2 and 5 times a power of ten that is not above `value`; 0 of what is not positive.
+/// Returns the greatest of 1, 2 and 5 times a power of ten that is not above `value`; 0 for values that are not positive.
 fn round_down(value: f64) -> f64 {
     if value.is_nan() || value <= 0.0 {
         return 0.0;

@@ -1,8 +1,8 @@
-//! Whole studies: a scene becomes form factors and light, each number with its error, and with what there is to warn of.
+//! Whole studies: from a scene to form factors and light, each number with its error, and with warnings.
 //!
-//! The steps below this module know nothing of each other's doubts; here a [`Model`] takes them in turn and keeps the whole account: what the scene does not need is left out
-//! ([`Model::plan`]), form factors are computed where there is room for them, rows of enclosures sum to 1, results are held against conservation checks ([`Context::audit`]), and the errors of the form factors
-//! are carried into the light ([`SolutionStudy::error`]). The program, the experiments and other languages call the same functions.
+//! The modules of the single steps are independent of each other. Here a [`Model`] takes the steps in turn and keeps their account: steps that the scene does not need are left out
+//! ([`Model::plan`]), form factors are stored within the memory limit, rows of enclosures sum to 1, results pass conservation checks ([`Context::audit`]), and the errors of the form factors
+//! are propagated into the light ([`SolutionStudy::error`]). The program, the experiments and other languages call the same functions.
 
 mod context;
 mod daylight;

@@ -1,4 +1,4 @@
-//! A scene that is ready for work.
+//! A scene with its patches, ready for computation.
 
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -19,16 +19,16 @@ use crate::visibility::embree::EmbreeVisibility;
 use crate::visibility::facing::look;
 use crate::visibility::gaps::narrowest_gap;
 
-/// Bytes of a patch with its vertices, while patches are made: 113 to 128 are measured.
+/// Bytes of a patch with its vertices, while patches are made; the measured range is 113 to 128.
 const PATCH_BYTE: u64 = 160;
 
 /// Bytes of a face while the ray tracer's tree is built.
 const FACE_BYTE: u64 = 256;
 
-/// Surfaces with faces that seem turned are named one by one up to here.
+/// The greatest number of surfaces with apparently inverted faces that warnings name one by one.
 const MAX_TURNED: usize = 5;
 
-/// Rays that start farther off a face than this part of a patch's width bend what neighbours exchange by more than the noise of many.
+/// The distance of rays' origins from a face, relative to a patch's width, above which it changes the exchange between neighbours by more than the noise of many rays.
 const MAX_OFFSET: f64 = 1e-3;
 
 /// A scene with its patches, ready for ray queries.
@@ -37,30 +37,30 @@ pub struct Model {
     pub scene: Scene,
     /// The name of the scene in messages: its file.
     pub file: PathBuf,
-    /// Its needs, and the steps left out.
+    /// Its needs, and the omitted steps.
     pub plan: Plan,
-    /// How its faces are cut.
+    /// The subdivision of its faces.
     pub options: MeshOptions,
     /// Its patches.
     pub mesh: Mesh,
-    /// Whether the patches are others than those of the scene as it was loaded: surfaces that moved have come to stand on them.
+    /// True if the patches differ from those of the scene as loaded: moved surfaces stand on them.
     pub is_cut_anew: bool,
     /// The ray tracer.
     pub visibility: EmbreeVisibility,
 }
 
-/// The purpose of patches.
+/// The use of patches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Use {
-    /// The light that they exchange: cuts at contact edges count, and light leaks.
+    /// The light that they exchange: contact edges cut them, and light may leak.
     Light,
-    /// Points on them: nothing leaks.
+    /// Points on them, which do not leak.
     Points,
-    /// Nothing.
+    /// None.
     Nothing,
 }
 
-/// Reads a scene, if that stays below the limit of memory, and warns of what is doubtful in it.
+/// Reads a scene within the memory limit, and passes on its warnings.
 ///
 /// If no face emits light, `on_darkness` decides whether to warn now.
 ///
@@ -88,7 +88,7 @@ pub fn load(
     Ok(told(loaded?, cx, on_darkness))
 }
 
-/// Makes a scene of arrays, and warns of what is doubtful in it, as [`load`] does.
+/// Makes a scene of arrays, and passes on its warnings, as [`load`] does.
 ///
 /// # Errors
 /// [`WorkflowError::MemoryLimit`] and [`WorkflowError::Scene`].
@@ -114,7 +114,7 @@ pub fn load_arrays(
     Ok(told(loaded, cx, on_darkness))
 }
 
-/// Gives the warnings of a scene.
+/// Passes on the warnings of a scene.
 fn told(loaded: Loaded, cx: &Context, on_darkness: impl Fn(&SceneWarning) -> bool) -> Scene {
     for warning in loaded.warnings {
         if !warning.kind.is_about_light() || on_darkness(&warning) {
@@ -124,7 +124,7 @@ fn told(loaded: Loaded, cx: &Context, on_darkness: impl Fn(&SceneWarning) -> boo
     loaded.scene
 }
 
-/// Refuses what takes more memory than there is to be, before it is begun.
+/// Refuses work that exceeds the memory limit, before it begins.
 ///
 /// # Errors
 /// [`WorkflowError::MemoryLimit`].
@@ -150,9 +150,9 @@ pub fn expect_room(
 }
 
 impl Model {
-    /// Cuts a scene into patches and builds the ray tracer's tree; `file` is what messages call it.
+    /// Cuts a scene into patches and builds the ray tracer's tree; messages call it `file`.
     ///
-    /// It warns of faces that rays cannot hit, of faces that seem to be wound the wrong way, and finds the light leaks of patches for [`Use::Light`] that are not cut at contact edges.
+    /// It warns of faces that rays cannot hit and of faces that seem to have inverted normals, and finds the light leaks of patches for [`Use::Light`] that are not cut at contact edges.
     ///
     /// # Errors
     /// [`WorkflowError::Mesh`], [`WorkflowError::MemoryLimit`] and [`WorkflowError::Embree`].
@@ -223,7 +223,7 @@ impl Model {
         }
     }
 
-    /// Warns of faces that see nothing, as faces do that are wound the wrong way.
+    /// Warns of faces that see nothing, as faces with inverted normals do.
     fn warn_of_turned_faces(&self, cx: &Context) {
         let scene = &self.scene;
         let facing = cx.time("checks", || look(scene, &self.visibility));
@@ -266,10 +266,10 @@ impl Model {
         }
     }
 
-    /// Moves the surfaces of a scene, and its patches with them; where contact edges come to cross these, the faces are cut anew.
+    /// Moves the surfaces of a scene with their patches; where contact edges then cross patches, the faces are cut again.
     ///
     /// # Errors
-    /// [`WorkflowError::Scene`] of a pose that the scene cannot take, [`WorkflowError::Mesh`] and [`WorkflowError::Embree`].
+    /// [`WorkflowError::Scene`] for a pose that the scene cannot take, [`WorkflowError::Mesh`] and [`WorkflowError::Embree`].
     pub fn posed(&self, pose: &Pose, cx: &mut Context) -> Result<Self, WorkflowError> {
         let scene = self.scene.posed(pose)?;
         let plan = cx.time("plan", || Plan::new(&scene));
@@ -299,7 +299,7 @@ impl Model {
         Ok(moved)
     }
 
-    /// Warns, once in a study, if rays start too far off the faces to see what lies in the narrowest gap.
+    /// Warns, once in a study, if rays start too far off the faces for the narrowest gap.
     pub fn warn_of_narrow_gaps(&self, cx: &Context) {
         if cx.has_looked_at_gaps.replace(true) {
             return;
@@ -325,7 +325,7 @@ impl Model {
         });
     }
 
-    /// Warns of lightings in which no face emits light, each with its file; the scene's own lighting is checked when the scene is read.
+    /// Warns of lightings in which no face emits light, with their files; the scene's own lighting is checked when the scene is read.
     pub fn warn_of_darkness<'a>(&self, lightings: impl IntoIterator<Item = (&'a Path, &'a Lighting)>, cx: &Context) {
         for (file, lighting) in lightings {
             if !lighting.is_emitting(&self.scene) {
@@ -340,7 +340,7 @@ impl Model {
             .note_cut_faces(self.mesh.n_cut_faces(), self.options.cut_at_walls, &whole);
     }
 
-    /// Returns what form-factor methods look at.
+    /// Returns the input of form-factor methods.
     #[must_use]
     pub fn input(&self) -> Input<'_> {
         Input {
@@ -372,7 +372,7 @@ impl Model {
                 *greatest = greatest.max(value.abs());
             }
         }
-        // Powers of two, so that they change no digit: no sum overflows where its mean does not.
+        // Powers of two change no digit, and keep a sum from overflowing where its mean does not.
         for unit in units.iter_mut().flatten() {
             *unit = power_of_two_below(std::iter::once(*unit));
         }
@@ -384,7 +384,7 @@ impl Model {
             }
         }
         for ((mean, own_units), area) in means.iter_mut().zip(units).zip(areas) {
-            // A surface whose faces were all skipped has no area and no mean but 0.
+            // A surface whose faces were all skipped has no area; its mean is 0.
             if area > 0.0 {
                 for (value, unit) in mean.iter_mut().zip(own_units) {
                     *value = *value / (area / area_unit) * unit;
@@ -394,7 +394,7 @@ impl Model {
         means
     }
 
-    /// Returns ρ and E of every patch, in one channel where all are grey, else in three.
+    /// Returns ρ and E of every patch, in one channel if all are grey, else in three.
     #[must_use]
     pub fn materials(&self) -> (Block, Block) {
         let n_channels = self.plan.n_channels;

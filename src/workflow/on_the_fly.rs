@@ -1,4 +1,4 @@
-//! Light by form factors that are computed again in every pass.
+//! Light by form factors that are recomputed in every pass.
 
 use super::solve::{Parts, solve_system};
 use super::{
@@ -12,10 +12,10 @@ use crate::matrix::operator::{Block, LinearOperator};
 use crate::solver::{SharedPasses, Solution};
 
 impl Model {
-    /// Solves without storing form factors; with `indirect`, returns F (B − E), the irradiance without what comes straight from the emitters, too, at one more pass.
+    /// Solves without storing form factors; with `indirect`, one more pass returns F (B − E), the irradiance without direct light from the emitters.
     ///
     /// # Errors
-    /// [`Unsuited`] of a solver that needs balanced form factors and of a method of pairs, and those of [`solve_system`](Self::solve_system).
+    /// [`Unsuited`] for a solver that needs balanced form factors and for a method of pairs, and those of [`solve_system`](Self::solve_system).
     pub fn solve_on_the_fly(
         &mut self,
         request: &FormFactorRequest,
@@ -54,10 +54,10 @@ impl Model {
         }
         let method = request.chosen(cx)?.method;
         cx.settings.on_the_fly = Some(true);
-        // There is no checkpoint whose key would tell.
+        // Without a checkpoint, no other key compares the ranks.
         let key = format!("{} {:?}", self.mesh.geometry_hash(), cx.settings.record());
         cx.expect_same("mesh or settings", key.as_bytes())?;
-        // There are no tallies: every pass counts its own rays.
+        // There are no tallies, as every pass counts its own rays.
         let closed_rows = self.enclosed(&[], request.closure, cx)?.rows;
         let (reflectance, exitance) = self.materials();
         let areas = self.mesh.areas();
@@ -109,7 +109,7 @@ impl Model {
     }
 }
 
-/// Returns F (B − E), the irradiance without what comes straight from the emitters, W·m⁻², \[n, c\].
+/// Returns F (B − E), the irradiance without direct light from the emitters, W·m⁻², \[n, c\].
 #[must_use]
 pub fn indirect_irradiance(factors: &dyn LinearOperator, exitance: &Block, solution: &Solution) -> Block {
     let reflected = solution.reflected(exitance);

@@ -1,11 +1,13 @@
-//! Pictures of the values of patches.
+//! Images of the values of patches.
 
 use super::{Context, ImageView, Model, WorkflowError};
 use crate::matrix::operator::Block;
 use crate::render::{Outdoors, RenderInput, RenderSettings, render};
 
 impl Model {
-    /// Returns the value of the patch at the centre of each pixel, row by row from the top, and the pixels of a row; `None` where no front of a face is visible.
+    /// Returns the value of the patch at the centre of each pixel, row by row from the top, and the number of pixels in a row.
+    ///
+    /// A value is `None` where no front of a face is visible.
     ///
     /// # Errors
     /// [`WorkflowError::Render`].

@@ -1,13 +1,15 @@
-//! Free points: what they see, and what arrives there.
+//! Free points: their view factors and irradiances.
 
 use super::{Context, HeatStudy, Model, WorkflowError};
 use crate::heat::{Boundary, PointQuery, PointScene, PointView};
 
-/// Points that are looked from between two questions whether to go on.
+/// The number of points between two checks for an interruption.
 const AT_ONCE: usize = 1024;
 
 impl Model {
-    /// Returns the factors from free points to all surfaces, and with the heat of the scene the irradiance. `with_person` counts the sun in the mean radiant temperature as on a standing person.
+    /// Returns the factors from free points to all surfaces, and with the heat of the scene the irradiance.
+    ///
+    /// `with_person` includes the sun in the mean radiant temperature as a standing person absorbs it.
     ///
     /// # Errors
     /// [`WorkflowError::Interrupted`].

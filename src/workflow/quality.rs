@@ -1,4 +1,4 @@
-//! How good a solution is, in one place.
+//! Figures of the quality of a solution.
 
 use serde::{Deserialize, Serialize};
 
@@ -22,7 +22,7 @@ pub struct Quality {
 }
 
 impl Quality {
-    /// Returns the quality of a solution; `stated` is what solver and form factors together say of its error.
+    /// Returns the quality of a solution; `stated` is its error by solver and form factors.
     #[must_use]
     pub fn new(solution: &Solution, stated: TotalError) -> Self {
         let finite = |value: f64| Some(value).filter(|value| value.is_finite());
@@ -35,7 +35,7 @@ impl Quality {
         }
     }
 
-    /// Returns this quality with the worst figures of several solutions, each `None` where one of them is.
+    /// Returns this quality with the worst figures of several solutions, each `None` if one of them is.
     #[must_use]
     pub fn with_worst_of(self, all: &[Self]) -> Self {
         let worst = |figure: fn(&Self) -> Option<f64>| {

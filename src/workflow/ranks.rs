@@ -1,23 +1,23 @@
-//! Agreement of ranks before they share work: each of them has to take the same steps.
+//! Agreement of ranks before they share work: all have to take the same steps.
 
 use sha2::{Digest as _, Sha256};
 
 use super::{Context, WorkflowError};
 use crate::matrix::operator::Block;
 
-/// The memory that all ranks have.
+/// The memory limit common to all ranks.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Room {
     /// The least of the limits of memory, in bytes.
     pub(super) limit_byte: u64,
-    /// The most that is used already, in bytes.
+    /// The greatest memory in use, in bytes.
     pub(super) used_byte: u64,
-    /// The most threads.
+    /// The greatest number of threads.
     pub(super) n_threads: usize,
 }
 
 impl Context {
-    /// Refuses ranks for which `key`, a hash of what results depend on, is another than on rank 0. Collective.
+    /// Refuses ranks whose `key`, a hash of the input of the results, differs from that of rank 0; a collective call.
     ///
     /// # Errors
     /// [`WorkflowError::RanksDiffer`].
@@ -38,7 +38,7 @@ impl Context {
         }
     }
 
-    /// Refuses ranks that have other numbers than rank 0. Collective.
+    /// Refuses ranks whose numbers differ from those of rank 0; a collective call.
     ///
     /// # Errors
     /// As [`expect_same`](Self::expect_same).
@@ -56,7 +56,7 @@ impl Context {
         self.expect_same(what, &hasher.finalize())
     }
 
-    /// Returns the room of the rank that has the least, so that all of them store form factors alike. Collective.
+    /// Returns the room of the rank that has the least, so that all ranks store form factors alike; a collective call.
     pub(super) fn room(&self, used_byte: u64) -> Room {
         let own = Room {
             limit_byte: self.memory.limit(),

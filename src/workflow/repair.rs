@@ -1,4 +1,4 @@
-//! The preparation of form factors: which rows sum to 1, the repair, the checks.
+//! The preparation of form factors: enclosure rows, repair, and checks.
 
 use super::form_factors::{Balance, FormFactorRequest, FormFactorStudy, Raw};
 use super::settings::{Balanced, StatedClosure, VarianceRepair};
@@ -9,12 +9,12 @@ use crate::matrix::{BalanceReport, Closed, FormFactors, Need, RepairKind, RowTal
 use crate::progress::Forecast;
 use crate::setting::Value;
 
-/// Row sums are restored to far below the noise, or as far as so many passes go.
+/// The tolerance of restored row sums, far below the noise, and the limit of passes.
 pub(super) const BALANCE_TOLERANCE: f64 = 1e-10;
 const BALANCE_PASSES: usize = 200;
 
 impl Context {
-    /// Warns of rays of rows that are known to sum to 1 which met no front all the same.
+    /// Warns of rays that met no front in rows with known sum 1.
     fn warn_of_slipped_rays(&self, raw: &FormFactors, closed_rows: &[bool]) {
         let n_rays: u64 = raw.tallies().iter().map(|tally| tally.n_rays).sum();
         let tallies = raw.tallies().iter().zip(closed_rows);
@@ -25,7 +25,7 @@ impl Context {
         }
     }
 
-    /// Stores the expected run time of long work among the warnings; an observer of progress has received it.
+    /// Stores the expected run time of long work among the warnings; an observer of progress has already received it.
     pub(super) fn note_forecast(&self, forecast: Option<Forecast>) {
         if let Some(forecast) = forecast.filter(|forecast| forecast.asked.1 > Forecast::LONG) {
             self.note(Warning::LongWork(forecast));
@@ -37,7 +37,7 @@ impl Context {
         self.settings.method.as_ref().is_some_and(|name| name != "exact")
     }
 
-    /// Returns whether rows are shot by low-discrepancy points.
+    /// Returns whether the rays of rows are low-discrepancy points.
     pub(super) fn is_net(&self) -> bool {
         let of_file = || Some(self.settings.form_factors.as_ref()?.get("sequence")? == "sobol");
         let own = self
@@ -50,7 +50,7 @@ impl Context {
 }
 
 impl Model {
-    /// Makes form factors symmetric where that is asked for, and checks them.
+    /// Repairs form factors as requested, and checks them.
     ///
     /// # Errors
     /// [`WorkflowError::NotClosed`] and [`WorkflowError::Matrix`].
@@ -100,7 +100,7 @@ impl Model {
         {
             cx.warn(Warning::NothingToClose);
         }
-        // What states no error has nothing else that could tell of it. A gap in a scene that was stated to be closed is no noise, to be spread over all entries of a row; one by rounding is.
+        // Without stated errors, the row sum is the only check. A gap in a scene that was stated to be closed is not noise to be spread over a row's entries; one by rounding is.
         let believed = if self.plan.watertight {
             claims(Repair::Not)
         } else {
@@ -194,7 +194,7 @@ impl Model {
         Ok((factors, report))
     }
 
-    /// Returns the numbers of rows that ought to sum to 1 and do not, and warns of them.
+    /// Returns the numbers of enclosure rows that do not sum to 1, and warns of them.
     fn doubted_rows(&self, raw: &FormFactors, claims: Claims<'_>, cx: &Context) -> Result<Vec<usize>, WorkflowError> {
         let is_doubted = cx.time("checks", || audit::doubted_rows(raw, claims))?;
         let doubted: Vec<usize> = (0..raw.n_rows()).filter(|&i| is_doubted[i]).collect();
@@ -251,7 +251,7 @@ impl Model {
         Ok(enclosed)
     }
 
-    /// Takes over what is stated of whether the scene is closed, where no form factors are stored that would be judged by it.
+    /// Records whether the scene is stated to be closed, if no form factors are stored.
     ///
     /// # Errors
     /// [`WorkflowError::NotClosed`].

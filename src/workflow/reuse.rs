@@ -14,10 +14,10 @@ use crate::mesh::{MeshOptions, Subdivision};
 use crate::report::ReportError;
 use crate::report::form_factors::FormFactorFile;
 
-/// Returns how the patches that a file is for are cut, or `default` where it does not tell. Options that ask for others are refused: `subdivision`, where one is asked for, and whole faces.
+/// Returns the subdivision of the patches of a file, or `default` if the file does not state it.
 ///
 /// # Errors
-/// [`Unsuited::OtherPatches`].
+/// [`Unsuited::OtherPatches`] for options that request other patches: a `subdivision`, or whole faces.
 pub fn mesh_options(
     file: &FormFactorFile,
     subdivision: Option<Subdivision>,
@@ -38,7 +38,7 @@ pub fn mesh_options(
 }
 
 impl Model {
-    /// Reads the form factors of the patches from a file, repairs and checks them as if they had been computed.
+    /// Reads the form factors of the patches from a file, then repairs and checks them like computed ones.
     ///
     /// # Errors
     /// [`WorkflowError::OtherGeometry`], [`WorkflowError::Report`], and those of [`form_factors`](Self::form_factors).
@@ -62,7 +62,7 @@ impl Model {
         self.repaired(Raw { computed, promised }, request, need, cx)
     }
 
-    /// Reads the form factors of the patches, for a repair of a kind.
+    /// Reads the form factors of the patches, for a kind of repair.
     fn read(&mut self, file: &FormFactorFile, kind: RepairKind, cx: &mut Context) -> Result<Computed, WorkflowError> {
         let matrix = MatrixDemand {
             by_rows: !file.description().symmetric,
@@ -102,7 +102,7 @@ impl Model {
     }
 }
 
-/// Returns what a file's form factors promise: what the method does that its settings name.
+/// Returns the guarantees of a file's form factors, by the method among its settings.
 fn promised(file: &FormFactorFile) -> Promised {
     let settings = &file.description().settings;
     let is_set = |name: &str| settings.get(name).is_some_and(|value| value.as_bool() != Some(false));

@@ -1,4 +1,6 @@
-//! Sequences of images: lightings, cameras and poses, with form factors computed once as far as they stay the same, and lightings of one pose solved together.
+//! Sequences of images with several lightings, cameras and poses.
+//!
+//! Form factors that stay the same are computed once, and the lightings of a pose are solved together.
 
 use std::path::{Path, PathBuf};
 
@@ -22,13 +24,13 @@ pub struct Frame {
     pub lighting: usize,
     /// The number of its pose.
     pub pose: usize,
-    /// The motions in it.
+    /// Its motions.
     pub motions: Vec<Motion>,
-    /// From where it is seen.
+    /// The view.
     pub view: ImageView,
     /// The camera file that it names.
     pub camera_file: Option<PathBuf>,
-    /// How it is rendered.
+    /// The settings of the image.
     pub settings: RenderSettings,
     /// The OpenEXR file.
     pub output: PathBuf,
@@ -36,7 +38,7 @@ pub struct Frame {
     pub preview: PathBuf,
 }
 
-/// All images of a sequence, with what some of them share.
+/// All images of a sequence, with their lightings and poses.
 pub struct Sequence {
     /// The images, in the order of their list.
     pub frames: Vec<Frame>,
@@ -44,23 +46,23 @@ pub struct Sequence {
     pub lightings: Vec<Option<Lighting>>,
     /// Their files.
     pub lighting_files: Vec<Option<PathBuf>>,
-    /// The poses, no two alike, in the order of their first frames.
+    /// The different poses, in the order of their first frames.
     pub poses: Vec<Pose>,
 }
 
-/// How the images of a sequence are made where their list does not say so.
+/// Defaults for images whose list does not set them.
 pub struct FrameDefaults<'a> {
-    /// The file of the scene, beside which a camera may be.
+    /// The file of the scene, in whose folder a camera may be.
     pub scene_file: &'a Path,
-    /// From where they are seen.
+    /// The view.
     pub view: &'a ViewRequest,
-    /// How they are rendered, by whether the view is unfolded.
+    /// The settings, depending on whether the view is unfolded.
     pub settings: &'a dyn Fn(bool) -> RenderSettings,
-    /// The file that each frame's name is put into: `B-NAME.exr` for `B.exr`.
+    /// The file into which each frame's name is inserted: `B-NAME.exr` for `B.exr`.
     pub output: &'a Path,
 }
 
-/// How the light of a sequence is found, and written.
+/// The request for the light and the files of a sequence.
 #[derive(Clone, Copy)]
 pub struct SequenceRequest<'a> {
     /// The request for form factors.
@@ -69,29 +71,29 @@ pub struct SequenceRequest<'a> {
     pub solver: &'a SolveRequest,
     /// Sun and sky over all frames.
     pub daylight: Daylight,
-    /// How images are written.
+    /// The format of image files.
     pub file: ImageFile,
-    /// Where a viewer shows them, if there is one.
+    /// The address of a viewer that shows the images.
     pub viewer: Option<&'a str>,
 }
 
-/// An image that was written, with its light.
+/// A written image, with its light.
 pub struct FrameStudy<'a> {
     /// Its number in the sequence.
     pub number: usize,
     /// The request.
     pub frame: &'a Frame,
-    /// The file of its lighting; `None` where the materials are the scene's own.
+    /// The file of its lighting; `None` if the materials are the scene's own.
     pub lighting_file: Option<&'a Path>,
     /// The model in its pose.
     pub model: &'a Model,
     /// The solution for its lighting.
     pub solution: Solution,
-    /// The light straight from sun and sky, where these shine.
+    /// The direct light of sun and sky.
     pub direct: DirectDaylight,
     /// The total error by solver and form factors.
     pub error: TotalError,
-    /// The change by a coarser mesh; `None` where that is not known.
+    /// The change by a coarser mesh; `None` where unknown.
     pub mesh_error: Option<MeshError>,
     /// The cost of final gather.
     pub gather: Option<GatherReport>,
@@ -99,38 +101,38 @@ pub struct FrameStudy<'a> {
     pub image: Image,
 }
 
-/// A pose that is done.
+/// A finished pose.
 pub struct PoseStudy<'a> {
-    /// The frames that have it.
+    /// Its frames.
     pub frames: Vec<&'a Frame>,
-    /// How many lightings were solved together.
+    /// The number of lightings that were solved together.
     pub n_lightings: usize,
-    /// The model in it.
+    /// The model in this pose.
     pub model: &'a Model,
     /// Its form factors.
     pub factors: &'a FormFactorStudy,
     /// The solution of all its lightings.
     pub solution: &'a Solution,
-    /// The worst that solver and form factors together say of the error of a lighting.
+    /// The worst error of a lighting by solver and form factors.
     pub error: TotalError,
-    /// The motion since the first pose; `None` of that one.
+    /// The motion since the first pose; `None` for the first.
     pub change: Option<&'a Change>,
 }
 
-/// Hears of each image and each pose of a sequence as soon as it is done.
+/// Receives each image and each pose of a sequence as soon as it is finished.
 pub trait SequenceObserver {
-    /// Takes an image, in the order of the poses.
+    /// Receives an image, in the order of the poses.
     fn frame(&mut self, frame: &FrameStudy<'_>);
 
-    /// Takes a pose, after its images.
+    /// Receives a pose, after its images.
     fn pose(&mut self, pose: &PoseStudy<'_>);
 }
 
 impl Sequence {
-    /// Prepares the views of a list of frames, loads every lighting once, and finds the frames that share a pose.
+    /// Prepares the views of a list of frames, loads every lighting once, and groups the frames by pose.
     ///
     /// # Errors
-    /// [`WorkflowError::Scene`] of a lighting or a pose, those of [`ViewRequest::view`], and [`WorkflowError::InFrame`] of what a frame names.
+    /// [`WorkflowError::Scene`] for a lighting or a pose, those of [`ViewRequest::view`], and [`WorkflowError::InFrame`] for files and settings of a frame.
     pub fn new(
         list: &Path,
         wanted: Vec<frames::Frame>,
@@ -174,7 +176,7 @@ impl Sequence {
         if let Some(path) = frame.camera {
             request.camera = super::CameraChoice::of_list(folder, &path);
         }
-        // The camera stays where it would be of the scene as loaded; the tiles of an unfolded view go with their surfaces.
+        // The camera stays at its place in the scene as loaded; the tiles of an unfolded view move with their surfaces.
         let view = if request.is_unfolded() {
             request.view(defaults.scene_file, &model.scene.posed(&pose)?)
         } else {
@@ -201,7 +203,7 @@ impl Sequence {
         Ok(())
     }
 
-    /// Returns the number of a lighting, which is read unless it was.
+    /// Returns the number of a lighting, and reads it on first use.
     fn lighting(&mut self, file: Option<PathBuf>, model: &Model) -> Result<usize, SceneError> {
         if let Some(known) = self.lighting_files.iter().position(|other| *other == file) {
             return Ok(known);
@@ -212,7 +214,7 @@ impl Sequence {
         Ok(self.lightings.len() - 1)
     }
 
-    /// Gives the context the memory of the images and the reflectances of the lightings, before form factors are stored.
+    /// Records the memory of the images and the reflectances of the lightings in the context, before form factors are stored.
     ///
     /// # Errors
     /// [`WorkflowError::ImageMemory`].
@@ -264,7 +266,7 @@ impl Sequence {
         let change = first.map(|first| Change::between(&first.model.scene, &model.scene));
         cx.demand.part = u32::try_from(number).unwrap_or(u32::MAX);
         let (raw, factors) = pose_factors(&mut model, request, first.zip(change.as_ref()), cx)?;
-        // Those of the lightings that this pose is seen in.
+        // The lightings of the frames in this pose.
         let mut numbers: Vec<usize> = own.iter().map(|(_, frame)| frame.lighting).collect();
         numbers.sort_unstable();
         numbers.dedup();
@@ -322,7 +324,7 @@ struct First {
     tolerance_met: bool,
 }
 
-/// Computes the form factors of a pose, with those of the first one as far as they stay the same; returns them without repairs and with them.
+/// Computes the form factors of a pose, reusing those of the first one that stay the same; returns them without repairs and with them.
 fn pose_factors(
     model: &mut Model,
     request: SequenceRequest<'_>,
@@ -331,7 +333,7 @@ fn pose_factors(
 ) -> Result<(FormFactors, FormFactorStudy), WorkflowError> {
     let method = request.method;
     let need = cx.memory.or_symmetry(method.balance, request.solver.need(cx)?)?;
-    // Patches that are others than before have no form factors yet.
+    // Form factors are reusable only if the patches are the same.
     let known = first.filter(|(pose, _)| !model.is_cut_anew && !pose.model.is_cut_anew);
     let before = known.map(|(pose, change)| Before {
         factors: &pose.raw,
@@ -350,10 +352,10 @@ struct Solved<'a> {
     factors: &'a FormFactorStudy,
     lightings: &'a [Option<Lighting>],
     lighting_files: &'a [Option<PathBuf>],
-    /// The lightings that were solved for.
+    /// The solved lightings.
     numbers: &'a [usize],
     stack: &'a Stack,
-    /// Of all these lightings together.
+    /// The solution of all these lightings.
     solution: &'a Solution,
     /// The change by a coarser mesh in it.
     coarse: Option<&'a Coarsened>,

@@ -202,13 +202,13 @@ fn own(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
 }
 
 impl Settings {
-    /// Notes how faces are cut into patches.
+    /// Records the subdivision of faces and the cuts at contact edges.
     pub fn note_mesh(&mut self, options: MeshOptions) {
         self.note_subdivision(options.subdivision);
         self.cut_at_walls = Some(options.cut_at_walls);
     }
 
-    /// Notes how finely faces are cut into patches.
+    /// Records the subdivision of faces.
     pub fn note_subdivision(&mut self, subdivision: Subdivision) {
         match subdivision {
             Subdivision::Uniform(n) => self.subdivide = Some(n),
@@ -216,7 +216,7 @@ impl Settings {
         }
     }
 
-    /// Returns the settings by name, as files of results hold them.
+    /// Returns the settings by name, for files of results.
     ///
     /// # Panics
     /// Never: all names are text.

@@ -1,4 +1,4 @@
-//! Solutions of the radiosity system, with all that is known of their error.
+//! Solutions of the radiosity system, with their errors.
 
 use std::ops::{ControlFlow, Range};
 use std::path::Path;
@@ -22,17 +22,17 @@ use crate::solver::{
     StopReason, Tolerance, relative_errors,
 };
 
-/// The least relative change of the radiosity by the rounding of form factors that is reported: far above the error that the tolerance of a solution allows.
+/// The least relative change of the radiosity by the rounding of form factors that is reported, far above the error that the tolerance of a solution allows.
 const ROUNDING_TOLD_FROM: f64 = 1e-4;
 
-/// The least bound on the error, relative to the reflected radiosity, that is reported, and the bound that the proposed tolerance gives.
+/// The least reported bound on the error, relative to the reflected radiosity, and the bound that the proposed tolerance gives.
 const MAX_OF_REFLECTED: f64 = 1e-3;
 const WANTED_OF_REFLECTED: f64 = 1e-4;
 
-/// The least tolerance that is proposed: below it, rounding keeps solvers from meeting it.
+/// The least proposed tolerance: rounding keeps solvers from meeting smaller ones.
 const MIN_TOLERANCE: f64 = 1e-15;
 
-/// Stops a solver when work is to end, or late.
+/// Stops a solver after a request to stop, or after the deadline.
 pub fn go_on(progress: &dyn Progress) -> ControlFlow<()> {
     if progress.is_cancelled() || progress.is_late() {
         ControlFlow::Break(())
@@ -41,34 +41,34 @@ pub fn go_on(progress: &dyn Progress) -> ControlFlow<()> {
     }
 }
 
-/// How a system is to be solved.
+/// The request for a solution of a system.
 #[derive(Clone, Debug)]
 pub struct SolveRequest {
     /// The name of the solver.
     pub solver: String,
-    /// Its settings, as far as they are given; levels of the mesh and the limit of memory are put in.
+    /// Its settings, as far as they are set; levels of the mesh and the memory limit are added.
     pub settings: SolverSettings,
     /// The tolerance on sqrt(Σ A r² / Σ A E²), the worst channel.
     pub tolerance: f64,
-    /// The most passes over the form factors.
+    /// The greatest number of passes over the form factors.
     pub max_passes: usize,
     /// The first radiosities.
     pub start: Start,
 }
 
 impl SolveRequest {
-    /// [`tolerance`](Self::tolerance) where none is given.
+    /// The default [`tolerance`](Self::tolerance).
     pub const TOLERANCE: f64 = 1e-6;
 
-    /// [`max_passes`](Self::max_passes) where no number is given.
+    /// The default [`max_passes`](Self::max_passes).
     pub const MAX_PASSES: usize = 1000;
 
-    /// Tolerances that mean something: below the least of them no residual differs from 0, and from 1 on no light at all would do.
+    /// The range of useful tolerances: no residual below it differs from 0, and from 1 on zero radiosity would suffice.
     pub const TOLERANCES: Range<f64> = 1e-300..1.0;
 }
 
 impl Default for SolveRequest {
-    /// The solver that suits the system, to 1e-6 in at most 1000 passes.
+    /// Returns the request for the solver that suits the system, to 1e-6 in at most 1000 passes.
     fn default() -> Self {
         Self {
             solver: "auto".to_owned(),
@@ -80,38 +80,38 @@ impl Default for SolveRequest {
     }
 }
 
-/// A solution with all that is known of its error.
+/// A solution with its errors.
 #[derive(Debug)]
 pub struct SolutionStudy {
-    /// B, H and how the solver came to them.
+    /// B and H, with the report of the solver.
     pub solution: Solution,
-    /// The error of each patch's radiosity by the errors of the form factors, W·m⁻², \[n, c\]; `None` where these are not known.
+    /// The error of each patch's radiosity by the errors of the form factors, W·m⁻², \[n, c\]; `None` where these are unknown.
     pub carried: Option<Block>,
     /// The error by solver and form factors together.
     pub error: TotalError,
-    /// The change by a coarser mesh; `None` where that is not known.
+    /// The change by a coarser mesh; `None` where unknown.
     pub mesh_error: Option<MeshError>,
-    /// The light straight from sun and sky, where these shine.
+    /// The direct light of sun and sky.
     pub direct: DirectDaylight,
 }
 
 /// Properties of form factors beside their values.
 #[derive(Clone, Copy, Debug)]
 pub struct Known<'a> {
-    /// For the audit of a solution.
+    /// The input of the audit of a solution.
     pub given: Given<'a>,
-    /// The fraction of the light of each patch that black backs take, \[n\].
+    /// The fraction of the light of each patch that black backs absorb, \[n\].
     pub backs: Option<&'a [Fraction]>,
     /// The rows that are known to sum to 1, \[n\].
     pub closed_rows: Option<&'a [bool]>,
-    /// Whether exitances may be negative, as where heat is taken away.
+    /// True if exitances may be negative, as where heat is removed.
     pub signed: bool,
-    /// A tolerance below that of the request that is tried first: where it is not reached, the request's counts.
+    /// A tolerance below that of the request that is tried first; if it is not reached, that of the request applies.
     pub aim: Option<f64>,
 }
 
 impl FormFactorStudy {
-    /// Returns what is known of them beside their values.
+    /// Returns the properties of the form factors beside their values.
     #[must_use]
     pub fn known(&self) -> Known<'_> {
         Known {
@@ -128,17 +128,17 @@ impl FormFactorStudy {
 }
 
 impl SolveRequest {
-    /// Returns the solver that is asked for.
+    /// Returns the requested solver.
     ///
     /// # Errors
-    /// [`WorkflowError::Solver`] of an unknown name, and of settings that it has no use for.
+    /// [`WorkflowError::Solver`] for an unknown name, and for settings that it does not use.
     pub fn entry(&self, cx: &Context) -> Result<&'static SolverEntry, WorkflowError> {
         let entry = registry::by_name(&self.solver)?;
         entry.checked(&self.settings_in(cx))?;
         Ok(entry)
     }
 
-    /// Returns what the solver, as it is set, needs of form factors.
+    /// Returns the solver's requirements on form factors, with its settings.
     ///
     /// # Errors
     /// As [`entry`](Self::entry).
@@ -151,7 +151,7 @@ impl SolveRequest {
         })
     }
 
-    /// Returns the settings of the solver; the memory that it may take is that of the storage too.
+    /// Returns the settings of the solver, with the memory limit of the storage.
     fn settings_in(&self, cx: &Context) -> SolverSettings {
         SolverSettings {
             memory_limit_byte: cx.memory.limit_byte,
@@ -170,7 +170,7 @@ impl SolveRequest {
 }
 
 impl Model {
-    /// Solves for the light of the scene's own materials, and states its error.
+    /// Solves for the light of the scene's own materials, and estimates its error.
     ///
     /// # Errors
     /// As [`solve_system`](Self::solve_system).
@@ -184,7 +184,9 @@ impl Model {
         self.solve_with(study, (&materials.0, &materials.1), request, cx)
     }
 
-    /// Solves for the light of other reflectances and exitances of the patches, ρ and E, W·m⁻², \[n, c\] each, all channels in the same passes, and states its error.
+    /// Solves for the light of other reflectances and exitances of the patches, ρ and E, W·m⁻², \[n, c\] each, and estimates its error.
+    ///
+    /// All channels share the same passes.
     ///
     /// # Errors
     /// As [`solve_system`](Self::solve_system).
@@ -211,7 +213,9 @@ impl Model {
         self.judged(study, (reflectance, exitance), solution, cx)
     }
 
-    /// Returns the light of a scene in which nothing reflects, E, with the irradiance that is not straight from the emitters, 0: no form factor is needed where direct light is found otherwise.
+    /// Returns the light E of a scene in which nothing reflects, with an indirect irradiance of 0.
+    ///
+    /// No form factor is needed if the direct light is found otherwise.
     #[must_use]
     pub fn without_reflection(&mut self, cx: &Context) -> (SolutionStudy, Block) {
         let reason = "form factors and solver: nothing reflects, and the direct pass finds all light";
@@ -229,7 +233,7 @@ impl Model {
         (study, dark)
     }
 
-    /// States the error of a solution for `reflectance` and `exitance`, ρ and E.
+    /// Estimates the error of a solution for `reflectance` and `exitance`, ρ and E.
     ///
     /// # Errors
     /// [`WorkflowError::Matrix`] where form factors on a disk cannot be read, and [`WorkflowError::Interrupted`].
@@ -243,7 +247,7 @@ impl Model {
         self.judged_with(study, (reflectance, exitance), None, solution, cx)
     }
 
-    /// Does what [`judged`](Self::judged) does for an exitance that has an error of its own, W·m⁻², \[n, c\].
+    /// Estimates the error as [`judged`](Self::judged) does, for an exitance that has an error of its own, W·m⁻², \[n, c\].
     pub(super) fn judged_with(
         &self,
         study: &FormFactorStudy,
@@ -265,7 +269,7 @@ impl Model {
         })
     }
 
-    /// Writes a solution for `reflectance` and `exitance`, ρ and E, to a file, with the row sums of its form factors where these are stored.
+    /// Writes a solution for `reflectance` and `exitance`, ρ and E, to a file, with the row sums of its form factors if these are stored.
     ///
     /// # Errors
     /// [`WorkflowError::Report`].
@@ -294,7 +298,7 @@ impl Model {
         Ok(report.write(path)?)
     }
 
-    /// Adds surface, file and remedy to the error of a system without a finite solution; `surface` is that of an unknown.
+    /// Adds surface, file and remedy to the error of a system without a finite solution; `surface` returns the surface of an unknown.
     pub fn refused(
         &self,
         error: SolverError,
@@ -304,7 +308,7 @@ impl Model {
         refused((&self.scene, &self.file), error, surface, cx)
     }
 
-    /// Solves for given form factors and areas, reflectances and exitances of the patches, and audits what comes of it.
+    /// Solves for given form factors and areas, reflectances and exitances of the patches, and audits the solution.
     ///
     /// # Errors
     /// [`WorkflowError::Solver`], [`WorkflowError::NoFiniteSolution`], [`WorkflowError::Matrix`] and [`WorkflowError::Interrupted`].
@@ -326,7 +330,7 @@ impl Model {
     }
 }
 
-/// The parts of a model that a solver needs, while its form factors may borrow the rest.
+/// The parts of a model that a solver needs, which leaves the rest free for its form factors.
 pub(super) struct Parts<'a> {
     pub(super) scene: &'a Scene,
     pub(super) file: &'a Path,
@@ -465,7 +469,7 @@ fn warn_of_bright_lamps(system: &RadiositySystem<'_>, solution: &Solution, cx: &
     }
 }
 
-/// Warns of a solver that did not converge, or to what is no light.
+/// Warns of a solver that did not converge, or converged to negative light.
 fn warn_of_its_end(system: &RadiositySystem<'_>, solution: &Solution, tolerance: f64, cx: &Context) {
     let residual = solution.residual_l2;
     let is_negative = solution.radiosity.values().iter().any(|b| *b < 0.0);
@@ -483,8 +487,9 @@ fn warn_of_its_end(system: &RadiositySystem<'_>, solution: &Solution, tolerance:
 }
 
 impl FormFactorStudy {
-    /// Estimates the error of a solution from the errors of its form factors, W·m⁻², \[n, c\]: `None` where these are not known, and where light too bright or too dim has no
-    /// estimate, which is no reason to keep the light itself back. `reflectance`, `exitance`: ρ, E.
+    /// Estimates the error of a solution by the errors of its form factors, W·m⁻², \[n, c\]. `reflectance`, `exitance`: ρ, E.
+    ///
+    /// Returns `None` where these are unknown, and where light too bright or too dim has no estimate; the light itself is still valid.
     ///
     /// # Errors
     /// [`WorkflowError::Matrix`] where form factors on a disk cannot be read.
@@ -519,7 +524,7 @@ impl FormFactorStudy {
         }
     }
 
-    /// Warns where the rounding of form factors to f32, all that is known of their errors, counts; returns the error where nothing is known of the solution for that.
+    /// Warns of a significant rounding of form factors to f32, which is the only known part of their errors; returns the error if it is not finite.
     fn unless_rounded_away(&self, error: Block, solution: &Solution, cx: &Context) -> Option<Block> {
         let relative = relative_errors(self.factors.areas(), &error, &solution.radiosity);
         if !relative.iter().all(|share| share.is_finite()) {

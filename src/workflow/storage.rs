@@ -1,4 +1,4 @@
-//! Where form factors are kept: what is asked for, and what the plan makes of it.
+//! The storage of form factors: the request, and the choice by the plan.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use crate::ranks::Ranks;
 use crate::report::{memory_available_byte, memory_used_byte};
 use crate::solver::registry;
 
-/// The share of the memory that is available which is used unless a limit is given.
+/// The share of the available memory that is used by default.
 const SHARE: f64 = 0.8;
 
 /// How form factors are laid out, and where.
@@ -32,23 +32,23 @@ pub enum Storage {
     Disk,
 }
 
-/// The limits and places of form factors.
+/// The memory limit, and the storage of form factors.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Memory {
-    /// The most memory to use, in bytes; `None`: 80 % of what is available.
+    /// The memory limit, in bytes; `None`: 80 % of the available memory.
     pub limit_byte: Option<u64>,
     /// Layout and place.
     pub storage: Storage,
-    /// The digits; `None`: f64, or f32 where that keeps a system in memory and suffices for its tolerance.
+    /// The precision; `None`: f64, or f32 where that keeps a system in memory and suffices for its tolerance.
     pub precision: Option<Precision>,
     /// The directory of the scratch file; `None`: that of the output, else the system's for temporary files.
     pub scratch: Option<PathBuf>,
-    /// How many more ranks on this machine share the memory that is available.
+    /// The number of other ranks on this machine that share the available memory.
     pub n_others: usize,
 }
 
 impl Memory {
-    /// Returns what may be used in all, in bytes.
+    /// Returns the memory limit, in bytes.
     #[must_use]
     pub fn limit(&self) -> u64 {
         #[expect(
@@ -57,7 +57,7 @@ impl Memory {
             reason = "a share of a number that is not negative"
         )]
         let share = |available: u64| (available as f64 * SHARE / (self.n_others + 1) as f64) as u64;
-        // What the program holds already is no longer available, and counts as used.
+        // The program's own memory is no part of the available memory, and counts as used.
         let by_default = || {
             let used = memory_used_byte().unwrap_or(0);
             memory_available_byte().map_or(u64::MAX, |available| share(available).saturating_add(used))
@@ -81,32 +81,32 @@ impl Memory {
     }
 }
 
-/// The known properties of the matrix that is to be computed or read.
+/// The known properties of the matrix to be computed or read.
 #[derive(Clone, Copy, Debug)]
 pub struct MatrixDemand {
     /// True if the method computes rows.
     pub by_rows: bool,
-    /// True if the rows are made symmetric then.
+    /// True if the rows are then made symmetric.
     pub repaired: bool,
-    /// The most entries that a row can have.
+    /// The greatest number of entries of a row.
     pub n_entries: u64,
-    /// How many more there are of its kind at the same time.
+    /// The number of further matrices of this kind at the same time.
     pub n_beside: u32,
-    /// The memory of the method beside the rows that it gives away.
+    /// The memory of the method beside its finished rows.
     pub working_byte: u64,
 }
 
-/// Where form factors go.
+/// The chosen storage of form factors.
 #[derive(Clone, Debug)]
 pub struct ChosenStorage {
     plan: StoragePlan,
     directory: PathBuf,
-    /// The ranks that share the matrix; `None` for one.
+    /// The ranks that share the matrix; `None` for a single one.
     ranks: Option<Arc<dyn Ranks>>,
 }
 
 impl ChosenStorage {
-    /// Returns the choice as methods take it.
+    /// Returns the choice for methods.
     #[must_use]
     pub fn choice(&self) -> StorageChoice<'_> {
         let place = if self.plan.on_disk {
@@ -128,7 +128,7 @@ impl ChosenStorage {
     }
 }
 
-/// Decides where form factors go, and notes it in the plan.
+/// Chooses the storage of form factors, and records it in the plan.
 ///
 /// # Errors
 /// [`WorkflowError::Storage`].
@@ -220,7 +220,7 @@ pub fn choose_storage(cx: &Context, model: &mut Model, matrix: MatrixDemand) -> 
     Ok(chosen)
 }
 
-/// Returns layout, precision and place as people read them.
+/// Returns layout, precision and place as text.
 #[must_use]
 pub fn choice_text(choice: StorageChoice<'_>) -> String {
     let tiles = match choice.layout {
@@ -231,7 +231,7 @@ pub fn choice_text(choice: StorageChoice<'_>) -> String {
     format!("{tiles}, {}", place_text(choice))
 }
 
-/// Returns precision and place as people read them.
+/// Returns precision and place as text.
 #[must_use]
 pub fn place_text(choice: StorageChoice<'_>) -> String {
     let digits = if choice.precision == Precision::F32 {
@@ -246,9 +246,9 @@ pub fn place_text(choice: StorageChoice<'_>) -> String {
     format!("{digits}, {place}")
 }
 
-/// Refuses ranks that would compute other form factors, and opens the checkpoint that is asked for, unless it is open: it belongs to the patches and the settings of the first form factors.
+/// Refuses ranks that would compute other form factors, and opens the requested checkpoint, unless it is open.
 ///
-/// Form factors of a later pose are a part of their own.
+/// The checkpoint has the key of the patches and settings of the first form factors; those of a later pose are a part of their own.
 pub(super) fn open_checkpoint(cx: &mut Context, model: &Model) -> Result<(), WorkflowError> {
     let geometry = model.mesh.geometry_hash();
     let mut key = Sha256::new();

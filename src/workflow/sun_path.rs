@@ -1,4 +1,4 @@
-//! Light and heat along a path of the sun: form factors once, the times side by side in blocks, each block a piece of the checkpoint.
+//! Light and heat along a path of the sun: form factors are computed once, and the times are solved side by side in blocks, each stored in the checkpoint.
 
 use rand_pcg::Pcg64Dxsm;
 use rand_pcg::rand_core::Rng as _;
@@ -16,11 +16,11 @@ use crate::report::series::SeriesBlock;
 /// The part of the checkpoint that holds the blocks of a path.
 const PART: u32 = 1 << 22;
 
-/// Numbers in a vector of all unknowns of a block, and the most times in it.
+/// The greatest number of elements in a vector of all unknowns of a block, and the greatest number of times in it.
 const BLOCK_SIZE: usize = 1 << 20;
 const MAX_STEPS: usize = 64;
 
-/// Takes the values of all patches, block by block.
+/// Receives the values of all patches, block by block.
 pub type BlockSink<'a> = &'a mut dyn FnMut(&SeriesBlock) -> Result<(), WorkflowError>;
 
 /// The results of a path of the sun.
@@ -28,17 +28,17 @@ pub type BlockSink<'a> = &'a mut dyn FnMut(&SeriesBlock) -> Result<(), WorkflowE
 pub struct PathStudy<S> {
     /// The result at each time.
     pub steps: Vec<S>,
-    /// The solver of the first block: the one that was asked for, or that `auto` chose.
+    /// The solver of the first block: the requested one, or the choice of `auto`.
     pub solver: String,
-    /// Passes over the form factors, in all blocks.
+    /// The number of passes over the form factors, in all blocks.
     pub n_passes: usize,
-    /// The worst that solver and form factors say of the error of a time.
+    /// The worst error of a time by solver and form factors.
     pub error: TotalError,
-    /// How many times an earlier run had finished.
+    /// The number of times that an earlier run had finished.
     pub n_resumed: usize,
 }
 
-/// The results of a block, and what a checkpoint keeps of them beside the values of patches.
+/// The results of a block, and its data in a checkpoint beside the values of patches.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct SolvedBlock<S> {
     pub(super) steps: Vec<S>,
@@ -52,7 +52,7 @@ pub(super) struct SolvedBlock<S> {
     pub(super) warnings: Vec<Warning>,
 }
 
-/// The quantities that are computed at each time of a path.
+/// The quantities computed at each time of a path.
 pub(super) trait PathWork {
     /// The result at a time.
     type Step: Serialize + DeserializeOwned;
@@ -60,16 +60,16 @@ pub(super) trait PathWork {
     /// The name of the work, and of its stage.
     const NAME: &'static str;
 
-    /// Returns the unknowns of one time.
+    /// Returns the number of unknowns of one time.
     fn size(&self, model: &Model) -> usize;
 
-    /// Adds what the results depend on beside scene, form factors and path.
+    /// Adds the input of the results to a hash, except scene, form factors and path.
     fn hash_into(&self, model: &Model, hasher: &mut Sha256);
 
     /// Drops the results of single surfaces.
     fn drop_surfaces(step: &mut Self::Step);
 
-    /// Solves for some times; `with_values`: with those of all patches.
+    /// Solves for some times; `with_values` includes the values of all patches.
     fn solve(
         &self,
         model: &mut Model,
@@ -81,7 +81,7 @@ pub(super) trait PathWork {
 }
 
 impl Model {
-    /// Takes a path of the sun block by block; those that the checkpoint has are read from it.
+    /// Computes a path of the sun block by block; blocks in the checkpoint are read from it.
     pub(super) fn along<W: PathWork>(
         &mut self,
         study: &FormFactorStudy,
@@ -151,7 +151,7 @@ impl Model {
         Ok(found)
     }
 
-    /// Returns a hash of all that the results along a path depend on.
+    /// Returns a hash of the input of the results along a path.
     fn path_key<W: PathWork>(
         &self,
         study: &FormFactorStudy,
@@ -163,7 +163,7 @@ impl Model {
         hasher.update(format!("{} {with_values} {request:?} {:?};", W::NAME, path.steps));
         hasher.update(self.scene.content_hash());
         let (reflectance, exitance) = self.materials();
-        // Row sums do not do: those of all enclosures are 1.
+        // Row sums do not suffice: those of all enclosures are 1.
         let n = study.factors.n_rows();
         let mut random = Pcg64Dxsm::new(0, 0);
         let probe = (0..n).map(|_| random.next_u64() as f64 / u64::MAX as f64).collect();
@@ -182,7 +182,7 @@ impl Model {
     }
 }
 
-/// Solves a block, with the checks of its own.
+/// Solves a block, with its own checks.
 fn fresh_block<W: PathWork>(
     model: &mut Model,
     (work, occluders): (&W, &SunOccluders),
@@ -199,7 +199,7 @@ fn fresh_block<W: PathWork>(
     let leak_is_too_great = std::mem::replace(&mut cx.leaks.are_too_great, leaked);
     let leak = std::mem::replace(&mut cx.leaks.worst, leak);
     let mut block = solved?;
-    // What is not checked is the same in all blocks.
+    // The checks that are left out are the same in all blocks.
     if cx.audit.not_checked.is_empty() {
         cx.audit.not_checked = own.not_checked;
     }
@@ -226,12 +226,12 @@ fn kept_block<S: DeserializeOwned>(checkpoint: &Checkpoint, key: &[u8; 32], k: u
     Some(block)
 }
 
-/// Keeps a block for a later run: its record, then the numbers of its patches.
+/// Stores a block for a later run: its record, then the numbers of its patches.
 fn keep_block<S: Serialize>(checkpoint: &Checkpoint, key: &[u8; 32], k: u64, block: &SolvedBlock<S>) {
     checkpoint.begin_part(PART, key);
     let lengths: Vec<usize> = block.values.all().map(|own| own.values.len()).collect();
     let mut record = Vec::new();
-    // Writing to memory cannot fail, and what is not kept is computed again.
+    // Writing to memory cannot fail, and a block that is not stored is computed again.
     if ciborium::into_writer(&(block, lengths), &mut record).is_ok() {
         let numbers = block.values.all().flat_map(|own| &own.values);
         let numbers: Vec<u8> = numbers.flat_map(|x| x.to_le_bytes()).collect();

@@ -1,33 +1,34 @@
-//! Form factors between surfaces, where there is room for them.
+//! Form factors between surfaces, within the memory limit.
 
 use super::{Context, FormFactorStudy, Model, Parameter};
 use crate::matrix::SurfaceRow;
 use crate::plan::byte_text;
 use crate::report::memory_used_byte;
 
-/// Memory for a form factor between two surfaces and its error, as numbers and in a document: 79 measured.
+/// Memory for a form factor between two surfaces and its error, as numbers and in a document, where 79 bytes were measured.
 const ENTRY_BYTE: u64 = 96;
 
 /// Form factors between the surfaces of a scene.
 #[derive(Clone, Debug)]
 pub enum SurfaceTable {
-    /// Those between all of them.
+    /// The form factors between all of them.
     Whole(Vec<SurfaceRow>),
-    /// 1 − Σ_T F_ST of each surface S, where the form factors between them do not fit into memory or are more than are wanted.
+    /// 1 − Σ_T F_ST of each surface S, if the form factors between them do not fit into memory or are more than requested.
     Lost(Vec<f64>),
-    /// Nothing: it is not wanted.
+    /// None requested.
     NotWanted,
 }
 
 impl SurfaceTable {
-    /// More surfaces than this make a table that people do not read.
+    /// The greatest number of surfaces in a table for readers.
     pub const MAX_READ: usize = 12;
 
-    /// More surfaces than this make a document of several MB.
+    /// The greatest number of surfaces in a document; more would make one of several MB.
     pub const MAX_PRINTED: usize = 200;
 
-    /// Calculates form factors between up to `n_wanted` surfaces, and notes in the plan where there are more or they do not fit into memory. Up to [`MAX_READ`](Self::MAX_READ) wanted surfaces, more have
-    /// no table at all.
+    /// Calculates form factors between up to `n_wanted` surfaces; the plan records if there are more or they do not fit into memory.
+    ///
+    /// If `n_wanted` is at most [`MAX_READ`](Self::MAX_READ), a greater number of surfaces has no table at all.
     #[must_use]
     pub fn new(model: &mut Model, study: &FormFactorStudy, cx: &Context, n_wanted: usize) -> Self {
         let n = model.scene.surfaces.len();
@@ -45,7 +46,7 @@ impl SurfaceTable {
             return Self::Lost(rows.lost_factors());
         }
         let needed = ENTRY_BYTE.saturating_mul((n as u64).saturating_pow(2));
-        // Of the rank that has the least: all ranks calculate the same.
+        // The room of the rank that has the least, as all ranks calculate the same.
         let room = cx.room(memory_used_byte().unwrap_or(0));
         if n <= Self::MAX_READ || needed <= room.limit_byte.saturating_sub(room.used_byte) {
             return Self::Whole(rows.iter().collect());

@@ -1,4 +1,4 @@
-//! The error that is stated of a solution, as one number.
+//! The stated error of a solution, as one number.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,16 +9,16 @@ use crate::solver::{Solution, StopReason, relative_errors};
 /// The error of a solution by solver and form factors together, without that of the mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum TotalError {
-    /// sqrt(Σ A e² / Σ A B²), the worst channel.
+    /// The relative error sqrt(Σ A e² / Σ A B²), the worst channel.
     Relative(f64),
-    /// The errors of the form factors are not known, or there are none to tell of.
+    /// The errors of the form factors are unknown, or there are none to report.
     Untold,
-    /// The errors of the form factors are too great to say what becomes of them.
+    /// The errors of the form factors are too great to be propagated.
     TooGreat,
 }
 
 impl TotalError {
-    /// Returns the number, where there is one.
+    /// Returns the number, if there is one.
     #[must_use]
     pub fn relative(self) -> Option<f64> {
         match self {
@@ -27,7 +27,7 @@ impl TotalError {
         }
     }
 
-    /// Returns what holds for two solutions together.
+    /// Returns the error of two solutions together.
     #[must_use]
     pub fn or_worse(self, other: Self) -> Self {
         match (self, other) {
@@ -37,7 +37,7 @@ impl TotalError {
         }
     }
 
-    /// Makes one number of the estimated errors of radiosities, and warns where they are too great for one.
+    /// Returns the relative error of estimated errors of radiosities, and warns if they are too great for one.
     #[must_use]
     pub fn of(model: &Model, error: Option<&Block>, solution: &Solution, cx: &Context) -> Self {
         let Some(error) = error else {
@@ -50,7 +50,7 @@ impl TotalError {
         if of_channels.iter().all(|share| share.is_finite()) {
             return Self::Relative(of_channels.into_iter().fold(0.0, f64::max));
         }
-        // Where the solver gave up, its own warning says more.
+        // A solver that did not converge has a more specific warning.
         if solution.stop_reason == StopReason::Converged {
             cx.warn_once(Warning::TooInexact);
         }

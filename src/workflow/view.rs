@@ -1,4 +1,4 @@
-//! From where an image is seen: a camera of a file, of a scene or chosen for it, with what else is asked for, or the unfolded surfaces.
+//! The view of an image: a camera of a file, of a scene or chosen for it, with changes, or the unfolded surfaces.
 
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
@@ -20,10 +20,10 @@ const DEFAULT_TILE: NonZeroU32 = NonZeroU32::MIN.saturating_add(63);
 /// The camera of an image.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum CameraChoice {
-    /// That of the file beside the scene, else one chosen for the scene.
+    /// The file beside the scene, else a view chosen for the scene.
     #[default]
     OfScene,
-    /// That of a file.
+    /// A file.
     File(PathBuf),
     /// None: one orthographic tile for each planar surface.
     Unfolded,
@@ -41,51 +41,51 @@ impl CameraChoice {
     }
 }
 
-/// From where an image is to be seen, and how many pixels it is to have.
+/// The request for the view of an image and its size.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ViewRequest {
     /// The camera.
     pub camera: CameraChoice,
-    /// Where the camera stands instead, m.
+    /// Another position of the camera, m.
     pub eye: Option<DVec3>,
-    /// The point that it looks at instead, m.
+    /// Another point that it looks at, m.
     pub look_at: Option<DVec3>,
-    /// The direction that is up in the image instead.
+    /// Another direction that is up in the image.
     pub up: Option<DVec3>,
-    /// The vertical field of view instead, in degrees.
+    /// Another vertical field of view, in degrees.
     pub fov: Option<f64>,
-    /// Width in pixels; of an unfolded view, of the longest edge of a tile.
+    /// The width in pixels; for an unfolded view, that of the longest edge of a tile.
     pub width: Option<u32>,
-    /// Height in pixels.
+    /// The height in pixels.
     pub height: Option<u32>,
 }
 
-/// A view of one kind or the other.
+/// A view of either kind.
 pub enum ImageView {
-    /// By a camera.
+    /// The view of a camera.
     Perspective {
         /// The view.
         view: Box<dyn View>,
-        /// Where its camera comes from.
+        /// The origin of its camera.
         origin: CameraOrigin,
     },
-    /// Of unfolded surfaces.
+    /// The view of unfolded surfaces.
     Unfolded(UnfoldedView),
 }
 
-/// Where a camera comes from.
+/// The origin of a camera.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraOrigin {
-    /// The file, named by the user or found beside the scene; without one the view was chosen for the scene.
+    /// The file, named by the user or found beside the scene; `None` if the view was chosen for the scene.
     file: Option<PathBuf>,
-    /// Whether the request changed it.
+    /// True if the request changed it.
     changed: bool,
-    /// The up that was chosen, where the view is along the camera's own.
+    /// The chosen up, where the view is along the camera's own.
     chosen_up: Option<DVec3>,
 }
 
 impl CameraOrigin {
-    /// Returns it as people read it, with parameters as `named` writes them.
+    /// Returns the origin as text, with parameters as `named` writes them.
     #[must_use]
     pub fn text(&self, named: Named<'_>) -> String {
         let name = |parameter| named(parameter, None);
@@ -117,7 +117,7 @@ impl ImageView {
         }
     }
 
-    /// Returns where the camera comes from, if it is one.
+    /// Returns the origin of the camera, if there is one.
     #[must_use]
     pub fn origin(&self) -> Option<&CameraOrigin> {
         match self {
@@ -126,13 +126,13 @@ impl ImageView {
         }
     }
 
-    /// Returns which camera it is as people read it, with parameters as `named` writes them.
+    /// Returns a description of the camera, with parameters as `named` writes them.
     #[must_use]
     pub fn camera_text(&self, named: Named<'_>) -> String {
         self.origin().map_or("unfolded".to_owned(), |origin| origin.text(named))
     }
 
-    /// Warns of surfaces that an unfolded view does not show, and notes them in the plan: the image looks whole without them.
+    /// Warns of surfaces that an unfolded view does not show, and records them in the plan: the image itself does not show their absence.
     pub fn note_left_out(&self, model: &mut Model, cx: &Context) {
         if let Self::Unfolded(unfolded) = self {
             for sentence in unfolded.layout().without_tile() {
@@ -144,13 +144,13 @@ impl ImageView {
 }
 
 impl ViewRequest {
-    /// Returns whether it moves or turns the camera.
+    /// Returns whether the request moves or turns the camera.
     #[must_use]
     pub fn changes_camera(&self) -> bool {
         self.eye.is_some() || self.look_at.is_some() || self.up.is_some() || self.fov.is_some()
     }
 
-    /// Returns whether it is for unfolded surfaces.
+    /// Returns whether the request is for unfolded surfaces.
     #[must_use]
     pub fn is_unfolded(&self) -> bool {
         self.camera == CameraChoice::Unfolded
@@ -168,7 +168,7 @@ impl ViewRequest {
     /// Returns the view of a scene.
     ///
     /// # Errors
-    /// [`WorkflowError::Scene`] of a camera file, [`WorkflowError::Render`] of surfaces that have no tile, and [`Unsuited`] of what does not go together.
+    /// [`WorkflowError::Scene`] for a camera file, [`WorkflowError::Render`] for surfaces that have no tile, and [`Unsuited`] for a request that does not fit together.
     pub fn view(&self, scene_file: &Path, scene: &Scene) -> Result<ImageView, WorkflowError> {
         if self.is_unfolded() {
             if self.changes_camera() || self.height.is_some() {
@@ -202,7 +202,7 @@ impl ViewRequest {
         })
     }
 
-    /// Returns a camera as it is asked for, and the up that was chosen where the view is along its own.
+    /// Returns the requested camera, and the chosen up where the view is along its own.
     fn changed(&self, camera: &Camera) -> Result<(Camera, Option<DVec3>), WorkflowError> {
         let mut chosen_up = None;
         let eye = self.eye.unwrap_or(camera.eye());
@@ -223,9 +223,9 @@ impl ViewRequest {
     }
 }
 
-/// Returns width and height of an image: as requested, else those of the camera; if one is requested, the other follows the camera's proportion.
+/// Returns width and height of an image: as requested, else those of the camera; if only one is requested, the other follows the camera's proportion.
 fn image_size(asked: [Option<u32>; 2], stated: [Option<u32>; 2]) -> (u32, u32) {
-    // A camera that states one side or none makes square images unless told otherwise.
+    // A camera that states at most one side makes square images by default.
     let proportion = match stated {
         [Some(width), Some(height)] => (u64::from(width), u64::from(height)),
         _ => (1, 1),

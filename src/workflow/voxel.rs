@@ -1,4 +1,4 @@
-//! Discrete radiosity as a whole study: voxels, links where there is room for them, light, and what the voxels do not resolve.
+//! Discrete radiosity as a whole study: voxels, links within the memory limit, light, and the limits of the resolution.
 
 use std::path::PathBuf;
 
@@ -16,22 +16,22 @@ use crate::voxel::{
     VoxelScene, propagate, solve_adaptively,
 };
 
-/// Unshot light, relative to what there is, from which it is warned of.
+/// The relative amount of unshot light above which there is a warning.
 const MAX_UNSHOT: f64 = 0.05;
 
-/// How light is found on voxels.
+/// The method that finds light on voxels.
 #[derive(Clone, Debug, PartialEq)]
 pub enum VoxelLight {
-    /// So many propagations.
+    /// A given number of propagations.
     Propagations {
-        /// How many.
+        /// Their number.
         passes: usize,
         /// The input of each propagation.
         form: Form,
     },
     /// Propagations between cells, as fine as the light requires.
     Cells {
-        /// How many on each set of cells.
+        /// Their number on each set of cells.
         passes: usize,
         /// [`AdaptiveSettings::tolerance`].
         tolerance: f64,
@@ -50,76 +50,76 @@ pub enum VoxelLight {
 /// The request for voxels.
 #[derive(Clone, Debug)]
 pub struct VoxelRequest {
-    /// Voxels along the longest axis.
+    /// The number of voxels along the longest axis.
     pub n_voxels: u32,
     /// The radius of the discrete sphere of directions.
     pub radius: u32,
-    /// How directions are weighed.
+    /// The weights of directions.
     pub solid_angle: SolidAngle,
-    /// Whether the weights of a voxel's directions are divided by their sum.
+    /// True if the weights of a voxel's directions are divided by their sum.
     pub row_weights: RowWeights,
-    /// Whether every voxel of an emitter sends its exitance, not scaled to the power of the emitter's true area.
+    /// True if every voxel of an emitter sends its exitance, not scaled to the power of the emitter's true area.
     pub plain_emission: bool,
-    /// How light is found.
+    /// The method that finds light.
     pub light: VoxelLight,
-    /// Where links are kept.
+    /// The place of links.
     pub links: LinkPlace,
     /// The file of links on disk.
     pub link_file: PathBuf,
     /// The user's statement whether the scene is closed.
     pub closure: Closure,
-    /// Whether voxels are written to a file.
+    /// True if voxels are written to a file.
     pub is_written: bool,
-    /// Whether a picture of the patches follows.
+    /// True if an image of the patches follows.
     pub is_shown: bool,
 }
 
 impl VoxelRequest {
-    /// [`n_voxels`](Self::n_voxels) where no number is given.
+    /// The default [`n_voxels`](Self::n_voxels).
     pub const VOXELS: u32 = 100;
 
-    /// [`radius`](Self::radius) where none is given.
+    /// The default [`radius`](Self::radius).
     pub const RADIUS: u32 = 20;
 
-    /// Propagations where no number is given.
+    /// The default number of propagations.
     pub const PASSES: usize = 10;
 
-    /// The level of the largest cells where none is given.
+    /// The default level of the largest cells.
     pub const COARSEST: u8 = 3;
 }
 
-/// How light was found.
+/// The report of the method that found the light.
 #[derive(Debug)]
 pub enum VoxelResult {
-    /// By propagations, with the change of the radiosity in each, relative.
+    /// Propagations, with the relative change of the radiosity in each.
     Propagations(Vec<f64>),
-    /// By propagations between cells.
+    /// Propagations between cells.
     Cells {
-        /// The change of the radiosity in each propagation on the last cells, relative.
+        /// The relative change of the radiosity in each propagation on the last cells.
         changes: Vec<f64>,
         /// The number of the last cells by their level.
         n_by_level: Vec<usize>,
         /// The number of cells in each round of cuts.
         n_by_round: Vec<usize>,
     },
-    /// By a solver; its B and H are those of the system, before emitters have their true area.
+    /// A solver; its B and H are those of the system, before emitters are scaled to their true area.
     Solver(Box<Solution>),
 }
 
-/// How many links there are, and what they take.
+/// The number and the size of links.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LinkFigures {
-    /// All links.
+    /// The number of links.
     pub n_links: u64,
-    /// Links that end at a back, where they have been counted.
+    /// The number of links that end at a back, if counted.
     pub n_backs: Option<u64>,
-    /// Links that leave the scene, where they have been counted.
+    /// The number of links that leave the scene, if counted.
     pub n_escaped: Option<u64>,
     /// Their size, in bytes.
     pub n_bytes: u64,
 }
 
-/// Light on voxels, with what is known of it.
+/// Light on voxels, with the limits of the resolution.
 #[derive(Debug)]
 pub struct VoxelStudy {
     /// The voxels.
@@ -132,22 +132,22 @@ pub struct VoxelStudy {
     pub radiosity: Block,
     /// H of each surfel, W·m⁻², \[n, c\].
     pub irradiance: Block,
-    /// How light was found.
+    /// The report of the method.
     pub result: VoxelResult,
-    /// Surfaces smaller than two voxels, and how large they are, m.
+    /// Surfaces smaller than two voxels, with their size, m.
     pub small: Vec<(SurfaceId, f64)>,
     /// Gaps narrower than two voxels.
     pub gaps: Vec<ThinGap>,
-    /// Surfels that are reached from outside.
+    /// Surfels that are reached from outside of a closed scene.
     pub reached: Vec<u32>,
-    /// Light that passes closed surfaces.
+    /// Light that passes through closed surfaces.
     pub leak: Leak,
     /// The Hausdorff distance from the scene, in voxels.
     pub hausdorff: Option<f64>,
 }
 
 impl VoxelStudy {
-    /// Returns whether the light is what was asked for: the solver converged, and not too much leaks.
+    /// Returns whether the light is as requested: the solver converged, and little light leaks.
     #[must_use]
     pub fn is_done(&self) -> bool {
         let is_converged = match &self.result {
@@ -158,17 +158,17 @@ impl VoxelStudy {
     }
 }
 
-/// Radiosities of all surfels, and how they were reached.
+/// Radiosities of all surfels, with the report of the method.
 struct Lit {
     radiosity: Block,
     irradiance: Block,
     result: VoxelResult,
-    /// The power that passes closed surfaces, W, by channel.
+    /// The power that passes through closed surfaces, W, by channel.
     leak_power: Vec<f64>,
 }
 
 impl Model {
-    /// Cuts the scene into voxels, finds their links and their light, and warns of what they do not resolve.
+    /// Divides the scene into voxels, finds their links and their light, and warns of parts that they do not resolve.
     ///
     /// # Errors
     /// [`WorkflowError::Voxel`], [`WorkflowError::VoxelMemory`], [`WorkflowError::NotClosed`], those of [`solve_system`](Self::solve_system), and [`WorkflowError::Interrupted`].
@@ -248,7 +248,7 @@ impl Model {
         })
     }
 
-    /// Finds light with one unknown for each cell, cells as fine as the light requires.
+    /// Finds light with one unknown for each cell, with cells as fine as the light requires.
     fn light_on_cells(
         &self,
         (voxels, sphere): (&VoxelScene, &DiscreteSphere),
@@ -267,7 +267,7 @@ impl Model {
             })
         };
         cx.go_on()?;
-        // The light of surfels spread over cells and back; their rows sum to 1 at most.
+        // The light of surfels is spread over cells and back, so their rows sum to at most 1.
         let row_sums = vec![1.0; voxels.n_surfels()];
         if settings.row_weights == RowWeights::Normalised {
             let (b, h) = (&result.radiosity, &result.irradiance);
@@ -385,7 +385,7 @@ impl Model {
     }
 }
 
-/// Finds the links, keeps them where the plan says, and finds light with one unknown for each surfel.
+/// Finds the links, stores them as planned, and finds light with one unknown for each surfel.
 fn on_links(
     (voxels, sphere): (&VoxelScene, &DiscreteSphere),
     place: LinkPlace,
@@ -405,7 +405,7 @@ fn on_links(
     cx.go_on()?;
     let operator = LinkOperator::new(voxels, sphere, &links, request.row_weights);
     let lit = light(&operator, cx);
-    // What went wrong with the links explains whatever the solver made of it.
+    // A failure of the links explains the solver's result.
     if let Some(error) = links.failure() {
         return Err(error.into());
     }
@@ -454,7 +454,7 @@ fn light_by_propagations(
     })
 }
 
-/// Returns what further propagations would add, by the changes of those that there were, each relative to what there was then: the rest of a geometric series.
+/// Returns the relative light of all further propagations, extrapolated from the relative changes of the earlier ones as a geometric series.
 fn unshot(changes: &[f64]) -> f64 {
     match *changes {
         [.., before, last] if last < before => last / (1.0 - last / before),
@@ -463,7 +463,7 @@ fn unshot(changes: &[f64]) -> f64 {
     }
 }
 
-/// Warns of light that passes closed surfaces.
+/// Warns of light that passes through closed surfaces.
 fn warn_of_leak(voxels: &VoxelScene, leak: &Leak, cx: &Context) {
     if leak.power > 0.0 {
         let wall = voxels.thin_walls.first();

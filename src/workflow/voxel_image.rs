@@ -1,4 +1,4 @@
-//! Images of light on voxels: the surfaces that they stand for, or the voxels themselves.
+//! Images of light on voxels: of the surfaces that they represent, or of the voxels themselves.
 
 use super::{Context, ImageView, Model, VoxelStudy, WorkflowError, warn_if_blank};
 use crate::audit;
@@ -9,10 +9,10 @@ use crate::scene::Scene;
 use crate::visibility::Visibility as _;
 use crate::voxel::{Grid, onto_patches, picture};
 
-/// Patches of the image, in voxels: fine enough to show what the voxels resolve.
+/// The size of patches of the image, in voxels: fine enough for the resolution of the voxels.
 const PATCH_VOXELS: f64 = 2.0;
 
-/// Returns the patches that an image of light on so many voxels along the longest axis is shown on.
+/// Returns the subdivision for an image of light on voxels, of which `n_voxels` lie along the longest axis.
 #[must_use]
 pub fn voxel_patches(scene: &Scene, n_voxels: u32) -> Subdivision {
     Grid::new(scene, n_voxels).map_or(Subdivision::Uniform(1), |grid| {
@@ -20,19 +20,19 @@ pub fn voxel_patches(scene: &Scene, n_voxels: u32) -> Subdivision {
     })
 }
 
-/// An image of light on voxels that is wanted.
+/// The request for an image of light on voxels.
 #[derive(Clone, Copy)]
 pub struct VoxelImageRequest<'a> {
-    /// From where it is seen.
+    /// The view.
     pub view: &'a ImageView,
-    /// How it is rendered.
+    /// The settings of the image.
     pub settings: RenderSettings,
-    /// Whether it shows the voxels themselves, not the surfaces that they stand for.
+    /// True if it shows the voxels themselves, not the surfaces that they represent.
     pub show_voxels: bool,
 }
 
 impl Model {
-    /// Renders light on voxels, with the attributes that the image's file has.
+    /// Renders light on voxels, and returns the image with the attributes of its file.
     ///
     /// # Errors
     /// [`WorkflowError::Render`], and [`WorkflowError::Interrupted`].
@@ -61,7 +61,7 @@ impl Model {
         Ok((image, attributes))
     }
 
-    /// Renders the irradiance of the voxels on the patches of the surfaces that they stand for.
+    /// Renders the irradiance of the voxels on the patches of the surfaces that they represent.
     fn render_on_patches(
         &self,
         study: &VoxelStudy,

@@ -6,22 +6,22 @@ use crate::plan::{VoxelDemand, byte_text, voxel_byte};
 use crate::report::memory_used_byte;
 use crate::voxel::{DiscreteSphere, Grid, VoxelScene};
 
-/// Bytes of a patch of the display: its light, and what the surfels give to it.
+/// Bytes of a patch of the display: its light, and the contributions of surfels.
 const PATCH_BYTE: u64 = 512;
 
-/// Where links are between passes.
+/// The place of links between passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LinkPlace {
-    /// In memory where all together stays below the limit, else on disk.
+    /// Memory if all fits within the limit, else disk.
     Auto {
         /// True if they are on disk in any case, because their file was named.
         has_file: bool,
     },
-    /// In memory.
+    /// Memory.
     Memory,
-    /// In a file, checksummed; a study that is interrupted goes on where it was.
+    /// A checksummed file; an interrupted study continues from it.
     Disk,
-    /// Nowhere: every pass finds them again.
+    /// None: every pass computes them again.
     Recompute,
 }
 
@@ -33,7 +33,7 @@ pub enum VoxelRemedy {
     FewerVoxels,
     /// Another place of links.
     OtherLinks,
-    /// Fewer threads, or links that are not kept.
+    /// Fewer threads, or links that are not stored.
     FewerThreads,
 }
 
@@ -56,7 +56,7 @@ pub(super) fn expect_voxels(model: &Model, request: &VoxelRequest, cx: &Context)
     })
 }
 
-/// Decides where the links go, and notes it in the plan.
+/// Chooses the place of the links, and records it in the plan.
 pub(super) fn choose(
     model: &mut Model,
     voxels: &VoxelScene,
@@ -85,7 +85,7 @@ pub(super) fn choose(
         .saturating_add(picture);
     let with = |links: u64| beside.saturating_add(links);
     let (in_memory, on_disk) = (with(demand.link_byte()), with(demand.link_window_byte()));
-    // Cells are cut while light is exchanged between them: their links stay in memory.
+    // Cells are cut while light is exchanged between them, so their links stay in memory.
     let asked = if is_adaptive { LinkPlace::Memory } else { request.links };
     let (kept, needed, reason) = match asked {
         LinkPlace::Auto { has_file: false } if in_memory <= limit => (LinkPlace::Memory, in_memory, "they fit"),

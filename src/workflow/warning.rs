@@ -1,4 +1,4 @@
-//! The warnings of a study: each has the fault, the number, the consequence and the parameter that helps.
+//! The warnings of a study: each states the fault, the number, the consequence and the parameter that helps.
 
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -12,14 +12,14 @@ use crate::progress::Forecast;
 use crate::scene::{Origin, SceneWarning};
 use crate::solver::StopReason;
 
-/// A doubt about a study: its results stand, but perhaps they are not what was meant, or not as exact as was asked for.
+/// A warning of a study: its results are valid, but perhaps not as intended, or less accurate than requested.
 ///
-/// Warnings that a solution raises can be kept in a checkpoint; those with `serde(skip)` are raised before it.
-/// [`Display`](std::fmt::Display) writes parameters by their names, [`text`](Self::text) as a program's users do.
+/// Warnings of a solution can be stored in a checkpoint; those with `serde(skip)` occur before it.
+/// [`Display`](std::fmt::Display) writes parameters by their names, [`text`](Self::text) as given by a program.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Warning {
-    /// Of the scene as it was read.
+    /// A warning of the scene as read.
     #[serde(skip)]
     Scene(SceneWarning),
     /// No face emits light in one of several lightings.
@@ -40,7 +40,7 @@ pub enum Warning {
     InsideOut {
         /// The place of its first face.
         at: Origin,
-        /// The surface that this face is of.
+        /// The surface of this face.
         surface: String,
     },
     /// No face sees another.
@@ -59,12 +59,12 @@ pub enum Warning {
     MostSeeBacks {
         /// The file of the scene.
         file: PathBuf,
-        /// How many do.
+        /// Their number.
         count: usize,
-        /// How many faces there are.
+        /// The number of all faces.
         n_faces: usize,
     },
-    /// No face of a surface sees another, though from behind they would.
+    /// No face of a surface sees another, though their backs would.
     TurnedSurface {
         /// The file of the scene.
         file: PathBuf,
@@ -78,56 +78,56 @@ pub enum Warning {
         at: Origin,
         /// The surface.
         surface: String,
-        /// How many there are.
+        /// Their number.
         count: usize,
     },
-    /// So it is with faces of more surfaces, which are not named.
+    /// Faces of further surfaces see no other; the surfaces are not named.
     MoreTurned {
         /// The file of the scene.
         file: PathBuf,
-        /// How many surfaces.
+        /// The number of surfaces.
         count: usize,
     },
-    /// Rays start far off the faces, beside the size of the smallest patch.
+    /// Rays start far off the faces, relative to the size of the smallest patch.
     FarStart {
-        /// How far, m.
+        /// Their distance from the face, m.
         offset: f64,
         /// The width of the smallest patch, m.
         width: f64,
     },
-    /// Two surfaces are nearer to each other than rays can tell.
+    /// Two surfaces are nearer to each other than rays can resolve.
     NarrowGap {
-        /// Both surfaces, each with what its face is called, as in `line 12`.
+        /// Both surfaces, each with the label of its face, as in `line 12`.
         surfaces: [(String, String); 2],
         /// Their distance, m.
         width: f64,
-        /// How far off a face rays start, m.
+        /// The distance of rays' origins from a face, m.
         offset: f64,
     },
-    /// Light leaks under what stands on patches that are not cut at contact edges.
+    /// Light leaks under objects that stand on patches which are not cut at contact edges.
     LightLeak {
-        /// How many patches.
+        /// The number of patches.
         n_patches: usize,
         /// The leak, in `unit`.
         value: f64,
         /// Its error, in `unit`.
         error: f64,
-        /// W or m2.
+        /// The unit, W or m2.
         unit: Cow<'static, str>,
-        /// The part of `whole` that it is.
+        /// The leak as a part of `whole`.
         relative: f64,
-        /// The whole that it is a part of.
+        /// The reference of `relative`.
         whole: Cow<'static, str>,
-        /// True if the form factors are from a file, so that they are to be computed again.
+        /// True if the form factors are from a file, and have to be computed again.
         is_from_file: bool,
     },
-    /// Work is going to take long.
+    /// Work will take long.
     #[serde(skip)]
     LongWork(Forecast),
     /// Pairs of patches spent their budget, or the digits of f64, above the tolerance.
     #[serde(skip)]
     AboveTolerance {
-        /// How many.
+        /// Their number.
         n_pairs: u64,
         /// The greatest error of A_i F_ij / min(A_i, A_j).
         worst: f64,
@@ -139,10 +139,10 @@ pub enum Warning {
         /// The greatest error of a row.
         worst: f64,
     },
-    /// Rounded coordinates leave pairs in doubt above the tolerance.
+    /// Rounded coordinates leave the errors of pairs above the tolerance.
     #[serde(skip)]
     Rounded {
-        /// How many, by how much, and why.
+        /// The number of pairs, their error, and the cause.
         doubt: RoundingDoubt,
         /// The parameter of the tolerance.
         tolerance: Parameter,
@@ -152,66 +152,66 @@ pub enum Warning {
         /// The file.
         file: PathBuf,
     },
-    /// So they are by rounded coordinates.
+    /// The form factors of a file are above their tolerance, by rounded coordinates.
     #[serde(skip)]
     FileRounded {
         /// The file.
         file: PathBuf,
-        /// How many pairs, by how much, and why.
+        /// The number of pairs, their error, and the cause.
         doubt: RoundingDoubt,
     },
-    /// The checkpoint could not be written to its end.
+    /// The checkpoint could not be written completely.
     CheckpointIncomplete {
         /// The file.
         file: PathBuf,
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// The checkpoint of work that is done could not be removed.
+    /// The checkpoint of finished work could not be removed.
     CheckpointLeft {
         /// The file.
         file: PathBuf,
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// Rays met no front in rows that are known to sum to 1.
+    /// Rays met no front in rows with known sum 1.
     SlippedRays {
-        /// How many.
+        /// Their number.
         n_lost: u64,
-        /// Of how many.
+        /// The number of all rays.
         n_rays: u64,
     },
-    /// Rows are to sum to 1, but none is known to.
+    /// Rows are to be restored to sum 1, but no row is known to have this sum.
     NothingToClose,
-    /// Rows that ought to sum to 1 are off by more than they state.
+    /// Enclosure rows differ from 1 by more than their stated error.
     #[serde(skip)]
     DoubtedRows {
         /// The place of the first patch's face.
         at: Origin,
-        /// The surface of it.
+        /// The surface of this face.
         surface: String,
-        /// How many there are.
+        /// The number of rows.
         count: usize,
     },
     /// Row sums were not restored.
     NotBalanced {
-        /// How far they are off 1 still.
+        /// The remaining deviation from 1.
         row_error_max: f64,
-        /// After so many passes.
+        /// The number of passes.
         n_passes: usize,
     },
     /// A conservation check fails.
     BrokenLaw(Check),
-    /// Form factors kept in f32 change radiosities.
+    /// Form factors stored in f32 change radiosities.
     RoundedToF32 {
-        /// By this part of themselves.
+        /// The relative change.
         relative: f64,
     },
-    /// Nearly all of what the solver's tolerance is relative to is the lamps' own light.
+    /// The solver's tolerance is dominated by the emitters' own light.
     LampsOutshine {
-        /// The bound on the error, relative to the light that is reflected.
+        /// The bound on the error, relative to the reflected light.
         bound: f64,
-        /// A tolerance that is small enough; `None` where no solver meets one.
+        /// A sufficient tolerance; `None` if no solver meets one.
         tolerance: Option<f64>,
     },
     /// The solution of the equations is negative somewhere, so it is not physical.
@@ -223,14 +223,14 @@ pub enum Warning {
     },
     /// The solver did not converge.
     NotConverged {
-        /// Why it stopped.
+        /// The stop reason.
         reason: StopReason,
         /// The relative residual.
         residual: f64,
     },
     /// No bound on the error of the solution can be proved.
     NoBound,
-    /// The form factors are not exact enough to state an error of the solution.
+    /// The form factors are too inaccurate to state an error of the solution.
     TooInexact,
     /// The mesh is too coarse for a surface.
     CoarseMesh {
@@ -239,69 +239,69 @@ pub enum Warning {
         /// The relative change of its mean radiosity with a quarter of the patches.
         change: f64,
     },
-    /// Form factors that are not kept state no error.
+    /// Form factors that are not stored state no error.
     NoErrorOnTheFly,
     /// Surfaces are smaller than two voxels.
     SmallSurfaces {
-        /// How many.
+        /// Their number.
         count: usize,
         /// One of them.
         surface: String,
-        /// How large it is, m.
+        /// Its size, m.
         side: f64,
-        /// How large a voxel is, m.
+        /// The size of a voxel, m.
         size: f64,
-        /// The voxels along the longest axis that it would be two of.
+        /// The number of voxels along the longest axis at which it would be two voxels wide.
         enough: f64,
     },
     /// Gaps are narrower than two voxels.
     ThinGaps {
-        /// Voxels along the longest axis.
+        /// The number of voxels along the longest axis.
         n_voxels: u32,
         /// The surfaces on both sides of each.
         pairs: Vec<[String; 2]>,
     },
     /// Voxels of a closed scene can be reached from outside.
     OpenVoxels {
-        /// How many.
+        /// Their number.
         count: usize,
-        /// The surfaces that they are on.
+        /// The surfaces of these voxels.
         surfaces: Vec<String>,
     },
     /// Links leave a closed scene.
     EscapingLinks {
-        /// How many.
+        /// Their number.
         n_escaped: u64,
-        /// Of how many.
+        /// The number of all links.
         n_links: u64,
     },
-    /// Light passes closed surfaces.
+    /// Light passes through closed surfaces.
     PassedWalls {
         /// The power, W.
         power: f64,
-        /// The part of what is emitted that it is.
+        /// The share of the emitted power.
         share: f64,
         /// The thickness of the thinnest wall, m, if there is one thinner than two voxels.
         thickness: Option<f64>,
-        /// The voxels along the longest axis that would do.
+        /// The sufficient number of voxels along the longest axis.
         enough: Option<u32>,
     },
     /// Light is unshot after the last propagation.
     UnshotLight {
-        /// How many propagations there were.
+        /// The number of propagations.
         passes: usize,
         /// The unshot part of the power.
         unshot: f64,
     },
     /// Final gather left pixels above the noise.
     NoisyPixels {
-        /// The picture.
+        /// The image.
         file: PathBuf,
-        /// How many.
+        /// Their number.
         n_above: u64,
-        /// Of how many.
+        /// The number of all pixels.
         n_pixels: u64,
-        /// The noise asked for.
+        /// The requested noise.
         noise: f64,
     },
     /// No pixel shows the front of a face.
@@ -309,28 +309,28 @@ pub enum Warning {
         /// The camera, in words.
         camera: String,
     },
-    /// No viewer listens where one is to show an image.
+    /// No viewer listens at an address.
     NoViewer {
-        /// Where.
+        /// The address.
         address: String,
-        /// Why it cannot be reached.
+        /// The reason.
         reason: String,
     },
-    /// The viewer that showed an image has gone.
+    /// The viewer that showed an image disconnected.
     ViewerGone,
-    /// Black backs of faces take heat.
+    /// Black backs of faces absorb heat.
     HeatToBacks {
-        /// How much, W.
+        /// The absorbed power, W.
         power_w: f64,
     },
-    /// The error of the mesh is in no stated error.
+    /// The stated errors exclude the error of the mesh.
     NoMeshError,
-    /// The error of the mesh of a heat is known from one patch a face alone, and that is much.
+    /// The error of the mesh is known only from a mesh of one patch per face, and is large.
     OnePatchAFace {
-        /// The greatest relative change of a surface's mean radiosity from there.
+        /// The greatest relative change of a surface's mean radiosity in that mesh.
         change: f64,
     },
-    /// Temperatures are inexact.
+    /// Temperatures are inaccurate.
     InexactHeat {
         /// The greatest error of a surface's irradiance, relative to the larger of that and its emissive power.
         relative: f64,

@@ -119,7 +119,7 @@ impl Warning {
         }
     }
 
-    /// Returns what there is to say of faces that see nothing, or emit nothing.
+    /// Returns the text of warnings about faces that see nothing, or emit nothing.
     fn of_scene(&self, named: Named<'_>) -> String {
         let flip = named(Parameter::Flip, None);
         let flip_of = |surface: &str| named(Parameter::Flip, Some(surface));
@@ -177,12 +177,12 @@ impl Warning {
                     file.display()
                 )
             }
-            // Whoever adds a kind and no text is not to make it mute.
+            // A new kind without a text still produces output.
             _ => format!("{self:?}"),
         }
     }
 
-    /// Returns what there is to say of voxels.
+    /// Returns the text of warnings about voxels.
     fn of_voxels(&self, named: Named<'_>) -> String {
         let voxels = named(Parameter::Voxels, None);
         let larger = format!("give {voxels} a larger number");
@@ -204,7 +204,7 @@ impl Warning {
                 )
             }
             Self::ThinGaps { n_voxels, pairs } => {
-                // A line is for reading.
+                // The line stays readable with three pairs.
                 let shown: Vec<String> = pairs.iter().take(3).map(|[a, b]| format!("{a} and {b}")).collect();
                 let others = match pairs.len().saturating_sub(3) {
                     0 => String::new(),
@@ -247,12 +247,12 @@ impl Warning {
                 named(Parameter::Passes, None),
                 named(Parameter::Solver, None)
             ),
-            // Whoever adds a kind and no text is not to make it mute.
+            // A new kind without a text still produces output.
             _ => format!("{self:?}"),
         }
     }
 
-    /// Returns what there is to say of heat.
+    /// Returns the text of warnings about heat.
     fn of_heat(&self, named: Named<'_>) -> String {
         match self {
             Self::HeatToBacks { power_w } => format!(
@@ -272,12 +272,12 @@ impl Warning {
                 named(Parameter::FormFactorTolerance, None),
                 named(Parameter::Budget, None)
             ),
-            // Whoever adds a kind and no text is not to make it mute.
+            // A new kind without a text still produces output.
             _ => format!("{self:?}"),
         }
     }
 
-    /// Returns what there is to say of form factors and solutions.
+    /// Returns the text of warnings about form factors and solutions.
     fn of_numbers(&self, named: Named<'_>) -> String {
         let name = |parameter| named(parameter, None);
         match self {
@@ -344,13 +344,13 @@ impl Warning {
                 "the mesh is too coarse for `{}`: with a quarter of the patches its mean radiosity changes by {change:.1e} of itself; subdivide more",
                 printable(surface)
             ),
-            // Whoever adds a kind and no text is not to make it mute.
+            // A new kind without a text still produces output.
             _ => format!("{self:?}"),
         }
     }
 }
 
-/// Returns what other settings would take than those of long work.
+/// Returns the text about the run time of long work, with those of other settings.
 fn long_work(forecast: &Forecast, named: Named<'_>) -> String {
     let mut text = format!("form factors will take about {}", time_text(forecast.asked.1));
     for &(tolerance, seconds) in &forecast.looser {
@@ -368,7 +368,7 @@ fn long_work(forecast: &Forecast, named: Named<'_>) -> String {
     text
 }
 
-/// Times by the unit that they are told in, in s; each from one and a half of it on.
+/// The units of times in texts, in s; each is used from one and a half of it on.
 const UNITS: [(f64, &str); 6] = [
     (31_536_000.0, "year"),
     (604_800.0, "week"),
@@ -378,7 +378,7 @@ const UNITS: [(f64, &str); 6] = [
     (1.0, "second"),
 ];
 
-/// Returns a time in one unit.
+/// Returns a time in one unit, as text.
 fn time_text(seconds: f64) -> String {
     let is_long = |pair: &&[(f64, &str)]| seconds + 0.5 * pair[1].0 >= 1.5 * pair[0].0;
     let (length, name, least) = UNITS

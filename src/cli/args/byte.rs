@@ -1,6 +1,8 @@
-//! Numbers of bytes.
+//! Parses numbers of bytes.
 
-/// Reads a number of bytes: `512MiB`, `2G`, `1.5GB`, or a plain number. K, M, G and T count in 1024, as do KiB to TiB; KB to TB in 1000.
+/// Reads a number of bytes: `512MiB`, `2G`, `1.5GB`, or a plain number.
+///
+/// K, M, G and T count in 1024, as do KiB to TiB; KB to TB count in 1000.
 pub(super) fn parse_byte(text: &str) -> Result<u64, String> {
     let trimmed = text.trim();
     let digits = trimmed

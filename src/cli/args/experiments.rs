@@ -1,4 +1,4 @@
-//! Methods side by side, and papers' tables.
+//! The arguments of comparisons and of the reproduction of papers' tables.
 
 use std::path::PathBuf;
 

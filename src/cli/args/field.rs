@@ -1,4 +1,4 @@
-//! Fields of form factors.
+//! The arguments of fields of form factors.
 
 use std::path::PathBuf;
 

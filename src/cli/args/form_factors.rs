@@ -1,4 +1,4 @@
-//! How a scene is cut into patches, and how form factors between them are computed and stored.
+//! The flags for the subdivision of a scene, and for the computation and storage of form factors.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -45,7 +45,7 @@ impl MeshArgs {
         self.subdivide.is_some() || self.max_edge.is_some() || self.no_cut || self.cut_at_walls
     }
 
-    /// Returns what the flags ask for; `default` is how finely faces are cut where they do not say so.
+    /// Returns the options that the flags set; `default` is the subdivision without a flag for it.
     #[must_use]
     pub fn options(self, default: Subdivision) -> MeshOptions {
         MeshOptions {
@@ -58,13 +58,13 @@ impl MeshArgs {
         }
     }
 
-    /// Returns the flags of the patches that a file of form factors is for.
+    /// Returns the flags that match the patches of a file of form factors.
     ///
     /// # Errors
-    /// Flags that ask for others.
+    /// Flags that request other patches.
     pub fn of_file(self, file: &FormFactorFile) -> Result<Self, WorkflowError> {
         let default = self.options(Subdivision::Uniform(1));
-        // A flag that is left out asks for nothing.
+        // An absent flag requests nothing.
         let is_asked = self.subdivide.is_some() || self.max_edge.is_some();
         let asked = is_asked.then_some(default.subdivision);
         let options = mesh_options(file, asked, self.no_cut, default)?;
@@ -81,7 +81,7 @@ impl MeshArgs {
     }
 }
 
-/// Reads the name of a form-factor method; help lists those that the registry has.
+/// Reads the name of a form-factor method; help lists those of the registry.
 fn method_name() -> impl TypedValueParser<Value = String> {
     PossibleValuesParser::new(
         METHODS
@@ -124,13 +124,13 @@ impl MethodArgs {
         }
     }
 
-    /// Returns where the numbers of rays come from.
+    /// Returns the sequence of the rays' numbers.
     #[must_use]
     pub fn sequence(&self) -> Sequence {
         self.settings(None).sequence().unwrap_or_default()
     }
 
-    /// Returns what is asked for: the flags, a tolerance that another flag sets, and what follows the form factors.
+    /// Returns the request of the flags, with the tolerance of another flag and the steps after the form factors.
     #[must_use]
     pub fn request(&self, tolerance: Option<f64>, afterwards: Afterwards) -> FormFactorRequest {
         let (default_rays, default_tolerance) = match afterwards {
@@ -147,7 +147,7 @@ impl MethodArgs {
                 Afterwards::Nothing => Parameter::Tolerance,
                 Afterwards::Light | Afterwards::Image => Parameter::FormFactorTolerance,
             },
-            // The direct pass of a picture takes its numbers from there too.
+            // The direct pass of an image uses its numbers too.
             is_sequence_shared: afterwards == Afterwards::Image,
             balance: self.balance,
             closure: self.closure.closure(),
@@ -169,7 +169,7 @@ pub struct ClosureArgs {
 }
 
 impl ClosureArgs {
-    /// Returns what is said about whether the scene is closed.
+    /// Returns the user's statement whether the scene is closed.
     #[must_use]
     pub fn closure(self) -> Closure {
         match (self.closed, self.open) {
@@ -211,7 +211,7 @@ pub struct MemoryArgs {
 }
 
 impl MemoryArgs {
-    /// Returns what form factors may take, and where.
+    /// Returns the memory limit and the storage that the flags set.
     #[must_use]
     pub fn memory(&self) -> Memory {
         Memory {
@@ -273,7 +273,7 @@ pub struct FormFactorsArgs {
 }
 
 impl FormFactorsArgs {
-    /// Returns the number of surfaces up to which the factors between them are wanted.
+    /// Returns the greatest number of surfaces for which the factors between them are computed.
     #[must_use]
     pub fn surfaces_up_to(&self) -> usize {
         match (self.common.json, self.full) {

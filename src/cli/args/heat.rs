@@ -1,4 +1,4 @@
-//! Heat, and the sun.
+//! The arguments of heat, and the flags for the sun.
 
 use std::path::{Path, PathBuf};
 
@@ -44,13 +44,13 @@ pub struct SunArgs {
 }
 
 impl SunArgs {
-    /// Adds what was given to the settings of a run.
+    /// Records the given flags in the settings of a run.
     pub(in crate::cli) fn note(&self, cx: &mut Context) {
         cx.settings.sky_irradiance = self.sky;
         cx.settings.sun = self.sun_irradiance.map(|_| self.record());
     }
 
-    /// Adds what was given, and the table of where the sun stands, to the settings of a run.
+    /// Records the given flags, and the table of the sun's positions, in the settings of a run.
     pub(in crate::cli) fn note_path(&self, file: Option<&Path>, cx: &mut Context) {
         cx.settings.sky_irradiance = self.sky;
         let name = file

@@ -82,7 +82,7 @@ pub enum Command {
 }
 
 impl Command {
-    /// Returns the flags that commands have which compute something.
+    /// Returns the common flags of commands that compute results.
     #[must_use]
     pub fn common(&self) -> Option<&CommonArgs> {
         match self {
@@ -201,7 +201,7 @@ fn parse_not_negative(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Reads one number for all channels, or three.
+/// Reads one number for all channels, or three numbers.
 fn parse_channels(text: &str) -> Result<[f64; 3], String> {
     let numbers: Vec<f64> = text
         .split(',')

@@ -1,4 +1,4 @@
-//! Free points.
+//! The arguments of free points.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! Flags of how a scene file is read.
+//! The flags for reading a scene file.
 
 use std::path::PathBuf;
 
@@ -45,7 +45,7 @@ pub struct ReadingArgs {
 }
 
 impl ReadingArgs {
-    /// Returns the options of the library.
+    /// Returns the options for the library.
     #[must_use]
     pub fn options(&self) -> LoadOptions {
         LoadOptions::default()
@@ -73,7 +73,7 @@ impl ReadingArgs {
         }
     }
 
-    /// Returns the first flag that was given beside `--allow-outside`, which commands without a scene let pass.
+    /// Returns the first given flag beside `--allow-outside`, which commands without a scene accept.
     #[must_use]
     pub fn first_given(&self) -> Option<&'static str> {
         let given = [
@@ -90,7 +90,7 @@ impl ReadingArgs {
         given.into_iter().find(|(is_given, _)| *is_given).map(|(_, flag)| flag)
     }
 
-    /// Adds what was given to the settings of a run.
+    /// Records the given flags in the settings of a run.
     pub(in crate::cli) fn describe(&self, cx: &mut Context) {
         let up_axis = |axis| if axis == UpAxis::Y { "y" } else { "z" };
         let settings = &mut cx.settings;

@@ -1,4 +1,4 @@
-//! Pictures.
+//! The arguments of images.
 
 use std::path::{Path, PathBuf};
 
@@ -113,7 +113,7 @@ pub struct ImageArgs {
     pub direct_samples: Option<u32>,
 }
 
-/// Takes the sides that camera files may have as well.
+/// Returns a parser of the sides that camera files may have as well.
 fn image_side() -> clap::builder::RangedI64ValueParser<u32> {
     clap::value_parser!(u32).range(i64::from(*IMAGE_SIDES.start())..=i64::from(*IMAGE_SIDES.end()))
 }
@@ -149,7 +149,7 @@ pub struct ViewArgs {
 }
 
 impl ImageArgs {
-    /// Returns whether any flag about the picture was given.
+    /// Returns whether any flag about the image is given.
     #[must_use]
     pub fn is_given(&self) -> bool {
         self.view.request() != ViewRequest::default() || self.flat || self.view.samples.is_some()
@@ -157,7 +157,7 @@ impl ImageArgs {
 }
 
 impl ViewArgs {
-    /// Returns what is asked for.
+    /// Returns the view that the flags request.
     #[must_use]
     pub fn request(&self) -> ViewRequest {
         ViewRequest {

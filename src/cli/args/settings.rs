@@ -1,4 +1,4 @@
-//! Flags of the settings that methods and solvers list.
+//! The flags for the settings that methods and solvers list.
 
 use std::marker::PhantomData;
 
@@ -9,7 +9,7 @@ use crate::form_factor;
 use crate::setting::{Kind, Setting, Use, Value, Values};
 use crate::solver;
 
-/// The settings of a registry, each with the names and uses of those that use it.
+/// The settings of a registry, each with its users and their uses.
 type Listed = Vec<(&'static Setting, Vec<(&'static str, Use)>)>;
 
 /// A registry whose settings are flags.
@@ -30,7 +30,7 @@ impl Registry for OfMethods {
     }
 }
 
-/// Returns the flags that say how form factors are computed, which have no meaning where these are read from a file.
+/// Returns the flags for the computation of form factors, which do not apply to those read from a file.
 pub(super) fn of_computation() -> Vec<&'static str> {
     let own = OfMethods::settings().into_iter().map(|(setting, _)| setting.name);
     own.chain(["method", "seed", "form_factor_tolerance"]).collect()

@@ -1,4 +1,4 @@
-//! How the system is solved.
+//! The flags for the solution of the system.
 
 use std::path::PathBuf;
 
@@ -10,7 +10,7 @@ use super::{AuditArgs, CommonArgs, MeshArgs, MethodArgs, StorageArgs, SunArgs, p
 use crate::solver::{SolverSettings, Start};
 use crate::workflow::SolveRequest;
 
-/// Reads the name of a solver; help lists those that the registry has.
+/// Reads the name of a solver; help lists those of the registry.
 pub(super) fn solver_name() -> impl TypedValueParser<Value = String> {
     PossibleValuesParser::new(
         crate::solver::registry::SOLVERS
@@ -19,7 +19,7 @@ pub(super) fn solver_name() -> impl TypedValueParser<Value = String> {
     )
 }
 
-/// Reads the name of a solver that needs no symmetric form factors: those of voxels are not, and are not balanced.
+/// Reads the name of a solver that needs no symmetric form factors: those of voxels are neither symmetric nor balanced.
 pub(super) fn solver_name_without_symmetry() -> impl TypedValueParser<Value = String> {
     PossibleValuesParser::new(
         crate::solver::registry::SOLVERS
@@ -50,7 +50,7 @@ pub struct SolverArgs {
 }
 
 impl SolverArgs {
-    /// Returns what is asked for.
+    /// Returns the request that the flags set.
     #[must_use]
     pub fn request(&self) -> SolveRequest {
         SolveRequest {

@@ -1,8 +1,8 @@
-//! Lists of tables.
+//! Parses lists of tables.
 
 use std::ops::RangeInclusive;
 
-/// Reads a list like `3,5-7` of tables that are built.
+/// Reads a list like `3,5-7` of the tables that exist.
 ///
 /// # Errors
 /// The fault of the list, and the remedy.

@@ -1,4 +1,4 @@
-//! Discrete radiosity.
+//! The arguments of discrete radiosity.
 
 use std::path::PathBuf;
 
@@ -98,7 +98,7 @@ pub struct VoxelArgs {
 }
 
 impl VoxelArgs {
-    /// Returns what is asked for; whether the voxels are written, and whether a picture of the patches follows, the output tells.
+    /// Returns the request that the flags set; the output determines whether voxels are written and whether an image of the patches follows.
     #[must_use]
     pub fn request(&self, is_written: bool, is_shown: bool) -> VoxelRequest {
         VoxelRequest {
@@ -152,7 +152,7 @@ impl VoxelArgs {
         self.link_file.clone().unwrap_or_else(beside)
     }
 
-    /// Refuses flags that do not go together.
+    /// Refuses flags that do not fit together.
     ///
     /// # Errors
     /// Their fault, and the remedy.

@@ -1,4 +1,4 @@
-//! `radiosity heat`.
+//! The command `radiosity heat`.
 
 mod describe;
 mod picture;
@@ -34,7 +34,7 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if let Some(path) = &args.exchange_factors {
         exchange::Format::of(path, exchange::CONTENT)?;
     }
-    // Before the work: a mistake in sun and sky is found at once.
+    // Errors in sun and sky are reported before the work begins.
     expect_grey(&args.sun)?;
     daylight(&args.sun)?;
     args.picture.as_deref().map(picture::expect_png).transpose()?;
@@ -49,7 +49,7 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
     };
     run.expect(&args.storage, demand);
     let mut model = run.prepare(&args.scene, mesh, |_| Subdivision::Uniform(1))?;
-    // Before the work: a mistake in them is found at once.
+    // Errors in the boundary conditions are reported before the work begins.
     let mut boundary = Boundary::load(&args.boundary, &model.scene)?;
     let up = boundary.sky.map_or(DVec3::Z, |sky| sky.up());
     boundary.sun = sun(&args.sun, up)?.map(|request| request.sun).or(boundary.sun);
@@ -102,7 +102,7 @@ fn files(args: &HeatArgs) -> Result<FileSet, Failure> {
     Ok(files)
 }
 
-/// Writes and describes what was found.
+/// Writes and describes the results.
 fn finish(
     args: &HeatArgs,
     run: &mut Run,

@@ -1,4 +1,4 @@
-//! The temperature in false colour.
+//! Images of the temperature in false colour.
 
 use std::path::Path;
 
@@ -8,10 +8,10 @@ use crate::cli::run::Run;
 use crate::report::false_colour::FalseColour;
 use crate::workflow::{HeatStudy, Model, ViewRequest};
 
-/// The size of a picture where none is asked for: what its sheet shows pixel by pixel.
+/// The default size of an image, which the sheet shows pixel by pixel.
 const SIZE: (u32, u32) = (720, 508);
 
-/// Returns the view that flags ask for.
+/// Returns the view that the flags request.
 pub(super) fn request(args: &HeatArgs) -> ViewRequest {
     let mut request = args.view.request();
     if !request.is_unfolded() && request.width.is_none() && request.height.is_none() {
@@ -20,7 +20,7 @@ pub(super) fn request(args: &HeatArgs) -> ViewRequest {
     request
 }
 
-/// Refuses a name that is none of a PNG.
+/// Refuses a name that is not that of a PNG.
 pub(super) fn expect_png(path: &Path) -> Result<(), Failure> {
     let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
     if ending.is_some_and(|ending| ending == "png") {

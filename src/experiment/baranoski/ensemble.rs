@@ -1,4 +1,4 @@
-//! The runs.
+//! Ensembles of runs of the paper's methods.
 
 use std::num::NonZeroUsize;
 
@@ -15,7 +15,9 @@ use crate::progress::{Progress, Silent};
 use crate::scene::{FaceId, Scene, builtin};
 use crate::visibility::embree::EmbreeVisibility;
 
-/// The surface of the built-in cube (x0, x1, y0, y1, z0, z1) that is the paper's face 1, 2, … 6. Opposite faces are 1 and 6, 2 and 3, 4 and 5.
+/// The surface of the built-in cube (x0, x1, y0, y1, z0, z1) for the paper's faces 1, 2, … 6.
+///
+/// Opposite faces are 1 and 6, 2 and 3, 4 and 5.
 const SURFACE_OF_FACE: [u32; 6] = [4, 0, 1, 2, 3, 5];
 
 /// The cube with n × n patches a face.
@@ -23,7 +25,7 @@ pub(super) struct Cube {
     scene: Scene,
     mesh: Mesh,
     visibility: EmbreeVisibility,
-    /// The paper's face, less one, of every patch.
+    /// The index of the paper's face of every patch, from 0.
     face_of_patch: Vec<usize>,
     /// The corners of the paper's faces.
     faces: [Vec<DVec3>; 6],
@@ -33,7 +35,7 @@ pub(super) struct Cube {
 pub(super) struct Ensemble {
     /// The form factors of every run.
     pub(super) runs: Vec<PairFactors>,
-    /// The distribution that they are samples of.
+    /// The distribution of the runs.
     pub(super) expected: Expected,
 }
 
@@ -103,7 +105,7 @@ impl Cube {
 
     /// Returns the form factors between the faces by 5 × 5 Gauss points on both patches of each pair.
     ///
-    /// The method that this stands beside is not reproducible; see the module's documentation.
+    /// The paper's method in its place is not reproducible; see the module's documentation.
     pub(super) fn gauss(&self) -> Result<PairFactors, ExperimentError> {
         let points = NonZeroUsize::MIN.saturating_add(4);
         let computed = ParametricDifferential { points }

@@ -12,23 +12,23 @@ use crate::geometry::rectangle::rectangle_exchange_area;
 use crate::geometry::sampling::{PointStream, Sequence};
 use crate::mesh::{Mesh, PatchId};
 
-/// How rays start from a patch.
+/// The start of rays on a patch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum Start {
-    /// At independent random points.
+    /// Independent random points.
     Random,
-    /// At q × q Gauss points.
+    /// A grid of q × q Gauss points.
     Gauss(NonZeroUsize),
 }
 
-/// The distribution of the form factors F_IJ with I < J that one run gives, and of their sums by face.
+/// The distribution of the form factors F_IJ with I < J of one run, and of their sums by face.
 ///
 /// A run is a sum of independent counts. The rays of one stratum k (a patch, or a Gauss point of a patch) hit face J with probability p_kJ, and
 /// F_IJ = Σ_k w_k (rays of k that hit J) / m_k, so that E F_IJ = Σ w_k p_kJ and
 /// cov(F_IJ, F_IK) = Σ w_k² (δ_JK p_kJ − p_kJ p_kK) / m_k. The p_kJ are closed forms: of two rectangles, or of a point and a rectangle.
-/// With tens of thousands of rays a face the counts are normal for all that is asked of them here.
+/// With tens of thousands of rays a face the counts are normal for all purposes here.
 pub(super) struct Expected {
-    /// E F_IJ, for I < J.
+    /// The means E F_IJ, for I < J.
     pub(super) mean: PairFactors,
     /// For each face I the covariance of F_IJ, F_IK over J, K > I.
     covariance: [[[f64; 6]; 6]; 6],
@@ -100,11 +100,11 @@ impl Expected {
         super::face_sums(&self.mean)[face]
     }
 
-    /// Returns the standard deviation of the sum of a face; 0 for the first, whose rays all hit the others.
+    /// Returns the standard deviation of the sum of a face; 0 for the first, all of whose rays hit the others.
     pub(super) fn sum_sd(&self, face: usize) -> f64 {
         let of_others: f64 = (0..face).map(|i| self.covariance[i][face][face]).sum();
         let own: f64 = self.covariance[face].iter().flatten().sum();
-        // Exactly 0 for face 1, whose covariances cancel to rounding.
+        // The variance of face 1 is exactly 0; its covariances cancel only to rounding.
         let variance = of_others + own;
         if face == 0 { 0.0 } else { variance.max(0.0).sqrt() }
     }
@@ -135,7 +135,7 @@ fn square_root(c: &[[f64; 6]; 6]) -> [[f64; 6]; 6] {
     let mut root = [[0.0; 6]; 6];
     for k in 0..6 {
         let pivot = c[k][k] - root[k].iter().map(|v| v * v).sum::<f64>();
-        // What rounding leaves of a variance that is 0 must not be divided by.
+        // A variance of 0 is left as rounding, by which the code must not divide.
         if pivot <= 1e-12 * c[k][k] {
             continue;
         }
@@ -182,7 +182,7 @@ mod tests {
     #[test]
     fn a_square_root_squares_back_even_without_full_rank() {
         let mut c = [[0.0; 6]; 6];
-        // Rank 2: a aᵀ + b bᵀ.
+        // A matrix of rank 2: a aᵀ + b bᵀ.
         let (a, b) = ([0.0, 1.0, 2.0, 0.5, 0.0, -1.0], [0.0, 0.3, -1.0, 2.0, 0.0, 1.0]);
         for i in 0..6 {
             for j in 0..6 {

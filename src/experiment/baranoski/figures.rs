@@ -1,4 +1,4 @@
-//! The tables, figure by figure: the paper's number beside ours, and whether ours are what they must be.
+//! The tables, figure by figure: the paper's number beside ours, and the tests of ours.
 
 use std::collections::BTreeMap;
 use std::num::NonZeroUsize;
@@ -13,7 +13,7 @@ use crate::experiment::ExperimentError;
 use crate::experiment::statistics::{Spread, Z_999, normal_two_sided, percentile, variance_two_sided};
 use crate::progress::Progress;
 
-/// The probability with which a table of a correct program is found outside of its range, all of its figures together.
+/// The probability that a table of a correct program is outside of its range, all of its figures together.
 pub const LEVEL: f64 = 1e-3;
 
 /// One figure of a table.
@@ -81,7 +81,7 @@ pub struct TableResult {
 /// Every mean and standard deviation of ours is tested against its exact value: means of normal figures by their standard errors, standard
 /// deviations by χ², the mean of the error figure against 100 000 draws from the exact distribution of the sums, the sum of face 1 against 1
 /// and PDM's figures against independently computed ones. A table passes if no probability is below [`LEVEL`] divided by their number (Bonferroni), so
-/// that all figures of a table count together. The paper's single runs are not tested, they are given their percentiles.
+/// that all figures of a table count together. The paper's single runs are not tested; their percentiles are listed.
 ///
 /// # Errors
 /// [`ExperimentError::TooFewSeeds`] below [`MIN_SEEDS`](super::MIN_SEEDS); the errors of the methods.
@@ -123,13 +123,13 @@ pub fn reproduce(
     Ok(results.into_values().collect())
 }
 
-/// Tables 7 and 8 are made of the runs of this one.
+/// The table whose runs tables 7 and 8 share.
 const RUNS_OF_FACTORS: u8 = 6;
 
-/// The table of the parallel faces; the other one is of the perpendicular ones.
+/// The table of the parallel faces; the other one is that of the perpendicular ones.
 const PARALLEL: u8 = 7;
 
-/// Returns a table that asks for the runs of `table`, if `tables` holds one, else its own number.
+/// Returns a table in `tables` that shares the runs of `table`, if there is one, else its own number.
 fn source_of(table: &SumTable, tables: &[u8]) -> u8 {
     let made_of_it = |t: &&FactorTable| table.number == RUNS_OF_FACTORS && tables.contains(&t.number);
     FACTORS.iter().find(made_of_it).map_or(table.number, |t| t.number)
@@ -145,7 +145,7 @@ fn start_of(method: &str) -> Option<Start> {
     }
 }
 
-/// All that a table's columns are made of.
+/// The input of a table's columns.
 struct Columns {
     gauss: PairFactors,
     ensembles: Vec<(&'static str, Ensemble)>,
@@ -168,7 +168,7 @@ fn sum_table(table: &SumTable, columns: &Columns, n_seeds: u64) -> TableResult {
                 figures.push(fixed(column.method, sum_name(face), *printed, sums[face], known));
             }
             let known = known.map(|sum| error_percent(&[sum; 6]));
-            // Six sums of six digits each: 100 times six roundings.
+            // The tolerance is 100 times the rounding of six sums of six digits.
             figures.push(Figure {
                 p_mean: known.map(|known| certain((error_percent(&sums) - known).abs() <= 100.0 * 6.0 * DIGITS)),
                 ..fixed(
@@ -266,7 +266,7 @@ struct KnownGauss {
     perpendicular: Option<f64>,
 }
 
-/// Half a unit of the sixth decimal, and a little for the rounding of numbers that lie on it.
+/// Half a unit of the sixth decimal, with a margin for the rounding of numbers at its edge.
 const DIGITS: f64 = 5.01e-7;
 
 impl KnownGauss {
@@ -293,12 +293,12 @@ fn known_gauss(divisions: u32) -> Option<KnownGauss> {
     }
 }
 
-/// A test with two outcomes as a probability.
+/// Returns a test with two outcomes as a probability.
 fn certain(passed: bool) -> f64 {
     if passed { 1.0 } else { 0.0 }
 }
 
-/// A figure that does not depend on a seed: PDM's.
+/// Returns a figure of PDM, which does not depend on a seed.
 fn fixed(method: &'static str, name: String, printed: Printed, value: f64, known: Option<f64>) -> Figure {
     Figure {
         reproduced: false,
@@ -308,7 +308,7 @@ fn fixed(method: &'static str, name: String, printed: Printed, value: f64, known
     }
 }
 
-/// A figure that is a normal number of known mean and standard deviation, or a constant.
+/// Returns a figure that is a normal number of known mean and standard deviation, or a constant.
 fn varying(method: &'static str, name: String, printed: Printed, values: &[f64], mean: f64, sd: f64) -> Figure {
     let measured = Spread::of(values);
     let n = values.len() as f64;
@@ -320,7 +320,7 @@ fn varying(method: &'static str, name: String, printed: Printed, values: &[f64],
             Some(variance_two_sided((measured.sd / sd).powi(2), degrees)),
         )
     } else {
-        // Every run gives the same, but for the rounding of a sum of patches.
+        // All runs are equal, up to the rounding of a sum of patches.
         (certain(values.iter().all(|v| (v - mean).abs() < 1e-12)), None)
     };
     Figure {
@@ -334,7 +334,7 @@ fn varying(method: &'static str, name: String, printed: Printed, values: &[f64],
     }
 }
 
-/// The error figure: what it should be comes from draws, as it is no normal number.
+/// Returns the error figure, which is not normal, with its expectation from draws.
 fn error_figure(method: &'static str, printed: Printed, values: &[f64], ensemble: &Ensemble) -> Figure {
     let draws = ensemble.expected.error_draws(DRAWS);
     let expected = Spread::of(&draws);
@@ -350,7 +350,7 @@ fn error_figure(method: &'static str, printed: Printed, values: &[f64], ensemble
     }
 }
 
-/// Draws for the distribution of the error figure.
+/// The number of draws for the distribution of the error figure.
 const DRAWS: usize = 100_000;
 
 fn plain(method: &'static str, name: String, printed: Printed, measured: Spread) -> Figure {
@@ -380,7 +380,7 @@ mod tests {
     use crate::experiment::baranoski::MIN_SEEDS;
     use crate::progress::Silent;
 
-    /// Values that are spread like normal ones about `mean`.
+    /// Returns values that are distributed like normal ones about `mean`.
     fn sample(mean: f64, sd: f64) -> Vec<f64> {
         let z = [
             -1.83, -1.28, -0.97, -0.73, -0.52, -0.34, -0.17, 0.0, 0.17, 0.34, 0.52, 0.73, 0.97, 1.28, 1.83,
@@ -414,7 +414,7 @@ mod tests {
         assert_eq!((table.number, table.n_patches, table.figures.len()), (3, 216, 4 * 7));
         // One test for each of PDM's figures; for each method face 1, two for each of five sums, and the error.
         assert_eq!(table.n_tests, 7 + 3 * 12);
-        // The standard deviations of the faces' sums that an independent simulation gave: 0.0031 to 0.0046 by SR.
+        // An independent simulation gave standard deviations of the faces' sums of 0.0031 to 0.0046 for SR.
         let figure = |method: &str, name: &str| {
             table
                 .figures
@@ -427,7 +427,7 @@ mod tests {
         }
         for method in ["SR", "SG5", "SG10"] {
             for face in 1..=6 {
-                // Gauss points lose less than a hundredth of the noise.
+                // The loss by Gauss points is below a hundredth of the noise.
                 assert!((figure(method, &format!("face {face}")).expected_mean.unwrap() - 1.0).abs() < 3e-5);
             }
             let [low, high] = figure(method, "(%)").range.unwrap();

@@ -3,14 +3,14 @@
 /// A printed number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Printed {
-    /// As printed.
+    /// The value as printed.
     pub(super) value: f64,
-    /// The number that it must mean, with the reason, if it is a misprint.
+    /// The correct number, with the reason, if it is a misprint.
     pub(super) misprint: Option<(f64, &'static str)>,
 }
 
 impl Printed {
-    /// Returns the number without its misprint.
+    /// Returns the number, corrected if it is a misprint.
     pub(super) fn corrected(&self) -> f64 {
         self.misprint.map_or(self.value, |(value, _)| value)
     }
@@ -43,9 +43,9 @@ pub(super) struct SumColumn {
 pub(super) struct SumTable {
     /// Its number.
     pub(super) number: u8,
-    /// Every face of the cube is n × n patches.
+    /// The number n of the n × n patches on every face of the cube.
     pub(super) divisions: u32,
-    /// Rays of each patch.
+    /// The number of rays of each patch.
     pub(super) rays: u64,
     pub(super) columns: &'static [SumColumn],
 }
@@ -120,7 +120,7 @@ pub(super) const SUMS: [SumTable; 4] = [
     ] },
 ];
 
-/// Tables 7 and 8; they belong to the runs of table 6, whose sums their rows add up to.
+/// Tables 7 and 8, which belong to the runs of table 6: their rows add up to its sums.
 #[rustfmt::skip]
 pub(super) const FACTORS: [FactorTable; 2] = [
     FactorTable {
@@ -160,7 +160,7 @@ pub(super) const FACTORS: [FactorTable; 2] = [
 mod tests {
     use super::*;
 
-    /// The error column is 100 Σ |1 − Σ of face|, once the misprints are mended: two printed decimals.
+    /// Tests that the error column is 100 Σ |1 − Σ of face| with corrected misprints, to two printed decimals.
     #[test]
     fn errors_follow_from_the_faces() {
         for table in SUMS {
@@ -173,7 +173,7 @@ mod tests {
                     table.number,
                     column.method
                 );
-                // Where the faces are misprinted, the printed ones do not give the printed error: the mark is earned.
+                // With misprinted faces, the printed ones do not give the printed error, which confirms the mark.
                 let printed: f64 = column.sums.iter().map(|s| (1.0 - s.value).abs()).sum();
                 let marked = column.error.misprint.is_some() || column.sums.iter().any(|s| s.misprint.is_some());
                 assert_eq!(
@@ -187,7 +187,7 @@ mod tests {
         }
     }
 
-    /// The form factors of tables 7 and 8 add up to the sums of table 6, and to no other table's.
+    /// Tests that the form factors of tables 7 and 8 add up to the sums of table 6, and to those of no other table.
     #[test]
     fn tables_7_and_8_belong_to_table_6() {
         for method in ["SR", "SG5"] {
@@ -213,7 +213,7 @@ mod tests {
         }
     }
 
-    /// The relative errors of tables 7 and 8 refer to rounded values, 0.1998 and 0.200043.
+    /// Tests that the relative errors of tables 7 and 8 refer to rounded values, 0.1998 and 0.200043.
     #[test]
     fn relative_errors_follow_from_the_form_factors() {
         for table in FACTORS {

@@ -11,7 +11,7 @@ use crate::experiment::findings::{Findings, ResultsFile, text_file};
 use crate::report::{SCHEMA_VERSION, Table, pretty, table};
 use crate::workflow::Settings;
 
-/// Runs of every stochastic method where nothing is asked for.
+/// The default number of runs of every stochastic method.
 pub const DEFAULT_SEEDS: u64 = 100;
 
 /// The part of the JSON document about the tables.
@@ -28,7 +28,7 @@ pub struct BaranoskiDocument<'a> {
     pub solvers: &'a [CaseResult],
 }
 
-/// Returns the report, files and document of tables 3 to 8 and of table 2, as far as there are such; `settings` is what they were made with.
+/// Returns the report, files and document of tables 3 to 8 and of table 2, as far as computed; `settings` are those of the run.
 ///
 /// # Errors
 /// [`ExperimentError::Plot`].

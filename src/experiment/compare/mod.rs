@@ -1,4 +1,4 @@
-//! All methods on one scene: the true error against the run time.
+//! Compares all methods on one scene: the true error against the run time.
 
 mod part;
 mod report;
@@ -22,22 +22,23 @@ use crate::progress::{Progress, Silent};
 pub struct CompareSettings<'a> {
     /// The methods.
     pub sweeps: Vec<&'static Sweep>,
-    /// How often every setting runs, with a seed of its own each time.
+    /// The number of runs of every setting, each with a seed of its own.
     pub n_seeds: u64,
     /// The first seed; the others follow it.
     pub first_seed: u64,
-    /// The longest time that a single run may take, s: settings that took longer are not repeated, and those that are expected to take
-    /// longer are not begun.
+    /// The greatest time of a single run, s.
+    ///
+    /// Settings that took longer are not repeated, and those that are expected to take longer are not run at all.
     pub time_limit_s: f64,
-    /// How the form factors of every run are stored.
+    /// The storage of the form factors of every run.
     pub storage: StorageChoice<'a>,
 }
 
 impl CompareSettings<'_> {
-    /// [`n_seeds`](Self::n_seeds) where no number is given.
+    /// The default [`n_seeds`](Self::n_seeds).
     pub const SEEDS: u64 = 5;
 
-    /// [`time_limit_s`](Self::time_limit_s) where none is given.
+    /// The default [`time_limit_s`](Self::time_limit_s).
     pub const TIME_LIMIT_S: f64 = 2.0;
 }
 
@@ -106,18 +107,18 @@ pub struct LeftOut {
 pub struct Comparison {
     /// One entry for each setting, by method and value.
     pub cases: Vec<CaseSummary>,
-    /// Every run in the order in which it was made.
+    /// Every run, in the order of execution.
     pub runs: Vec<Run>,
     /// The measurements that were left out.
     pub left_out: Vec<LeftOut>,
 }
 
-/// A setting on its way through the seeds.
+/// A setting during the runs over the seeds.
 struct Case {
     sweep: &'static Sweep,
     value: u64,
     runs: Vec<Run>,
-    /// True if it does not run any more.
+    /// True if it is not run any more.
     stopped: bool,
     /// True if the method cannot treat the scene.
     unusable: bool,
@@ -126,15 +127,15 @@ struct Case {
 /// Runs every setting of every method over the seeds and measures the errors against `reference`.
 ///
 /// Everything runs in the caller's thread pool, one run at a time. The settings are interleaved: each seed runs all of them before the next seed
-/// begins, in an order turned by one place for every seed, so that a machine that slows down or speeds up meets them alike.
-/// Before the clock starts, the cheapest setting runs once to wake the threads. Methods that always trace rays are left out where
-/// `input.unoccluded` says that visibility is not looked at.
+/// begins, in an order rotated by one place for every seed, so that changes of the machine's speed affect them alike.
+/// Before the measurements, the cheapest setting runs once to wake the threads. Methods that always trace rays are left out if
+/// `input.unoccluded` excludes visibility.
 ///
 /// # Errors
 /// [`ExperimentError::Method`] if a method fails, with its setting.
 ///
 /// # Panics
-/// If the reference is not of this scene.
+/// If the reference is that of another scene.
 pub fn compare(
     input: Input<'_>,
     reference: &Reference,
@@ -163,7 +164,7 @@ pub fn compare(
         cases.extend(values.iter().map(case));
     }
     if let Some(first) = cases.first() {
-        // Its errors, if any, come again below.
+        // Its errors, if any, occur again below.
         let _ = measure(input, reference, first, settings.first_seed, settings.storage);
     }
     progress.begin("compare", settings.n_seeds * cases.len() as u64);
@@ -171,7 +172,7 @@ pub fn compare(
     for turn in 0..settings.n_seeds {
         let n = cases.len();
         for k in 0..n {
-            // The first turn goes upwards through each sweep, for the forecasts.
+            // The first turn goes upwards through each sweep, as forecasts require.
             #[expect(
                 clippy::cast_possible_truncation,
                 reason = "the remainder is below the number of settings"
@@ -264,7 +265,7 @@ fn cannot_be_used(cases: &mut [Case], k: usize, reason: &FormFactorError) -> Lef
     }
 }
 
-/// Stops setting `k` if it took longer than the limit, and the next one of its method if it is expected to; those that are dearer still stop with it.
+/// Stops setting `k` if it took longer than the limit, and all more expensive ones of its method if the next of them is expected to.
 fn stop_what_takes_too_long(cases: &mut [Case], k: usize, time_s: f64, limit_s: f64) {
     cases[k].stopped = time_s > limit_s;
     let (sweep, value) = (cases[k].sweep, cases[k].value);
@@ -313,7 +314,7 @@ fn summaries(cases: &[Case], reference: &Reference) -> Vec<CaseSummary> {
             on_front_rms: false,
         })
         .collect();
-    // Below its own error the reference cannot tell which of two is better.
+    // The reference does not resolve differences below its own error.
     let front = |error: fn(&CaseSummary) -> Spread, resolved: f64| {
         let point = |s: &CaseSummary| (s.time_s.median, error(s).median.max(resolved));
         pareto::front(&summaries.iter().map(point).collect::<Vec<_>>())
@@ -346,7 +347,7 @@ mod tests {
             })
             .into();
         let stopped = |all: &[Case]| -> Vec<bool> { all.iter().map(|c| c.stopped).collect() };
-        // Four times as many rays would take 0.8 s; what comes after that is not foretold from here.
+        // Four times as many rays would take 0.8 s; further settings are not predicted from here.
         stop_what_takes_too_long(&mut cases, 0, 0.2, 1.0);
         assert_eq!(stopped(&cases), [false; 4]);
         stop_what_takes_too_long(&mut cases, 1, 0.3, 1.0);

@@ -1,4 +1,4 @@
-//! One half of a comparison, and what it is made on.
+//! One half of a comparison, with its scene and reference.
 
 use super::{CompareSettings, Comparison, compare};
 use crate::experiment::{ExperimentError, Reference};
@@ -7,19 +7,19 @@ use crate::mesh::{Mesh, Subdivision};
 use crate::scene::Scene;
 use crate::workflow::{Context, MatrixDemand, Model};
 
-/// A scene is cut so that it has at least this many patches.
+/// The least number of patches into which a scene is cut.
 const PATCHES: f64 = 200.0;
 
-/// How much tighter than the tolerance asked for the reference is.
+/// The ratio of the requested tolerance to that of the reference.
 const TIGHTER: f64 = 100.0;
 
-/// Matrices that exist at a time beside the one that is being computed: the references with visibility and without.
+/// The number of matrices beside the one that is computed: the references with visibility and without.
 const REFERENCES: u32 = 2;
 
-/// One half of a comparison: occluders looked at or not.
+/// One half of a comparison: with or without occluders.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// `on` or `off`.
+    /// The half: `on` or `off`.
     pub visibility: &'static str,
     /// The reference that errors are measured against.
     pub reference: Reference,
@@ -27,7 +27,7 @@ pub struct Part {
     pub comparison: Comparison,
 }
 
-/// Returns how a scene is cut for a comparison where nothing else is asked for: into 200 patches or more.
+/// Returns the default subdivision of a scene for a comparison, into at least 200 patches.
 #[must_use]
 pub fn default_subdivision(scene: &Scene) -> Subdivision {
     let n = (PATCHES / scene.faces.len().max(1) as f64).sqrt().ceil();
@@ -39,7 +39,7 @@ pub fn default_subdivision(scene: &Scene) -> Subdivision {
     Subdivision::Uniform(n as u32)
 }
 
-/// Returns what is known of the form factors of a comparison before any is computed.
+/// Returns the known properties of the form factors of a comparison.
 #[must_use]
 pub fn matrix_demand(mesh: &Mesh) -> MatrixDemand {
     MatrixDemand {
@@ -47,13 +47,13 @@ pub fn matrix_demand(mesh: &Mesh) -> MatrixDemand {
         repaired: false,
         n_entries: u64::MAX,
         n_beside: REFERENCES,
-        // No method takes more than the reference.
+        // No method needs more memory than the reference.
         working_byte: ExactMethod::default().working_byte(mesh.n_patches()),
     }
 }
 
 impl Part {
-    /// Finds the reference, at a hundredth of `tolerance` where nothing is known of the scene, and runs all settings.
+    /// Finds the reference, at a hundredth of `tolerance` if no better one is known, and runs all settings.
     ///
     /// # Errors
     /// [`ExperimentError`] if a method fails.
@@ -78,7 +78,7 @@ impl Part {
         })
     }
 
-    /// Returns what the methods look at: occluders are left out where `visibility` is `off`.
+    /// Returns the input of the methods, without occluders if `visibility` is `off`.
     #[must_use]
     pub fn input<'a>(model: &'a Model, visibility: &str) -> Input<'a> {
         Input {

@@ -1,4 +1,4 @@
-//! A comparison as report, tables, plots and JSON.
+//! The report, tables, plots and JSON of a comparison.
 
 use std::fmt::Write as _;
 
@@ -13,22 +13,22 @@ use crate::report::Machine;
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
 use crate::workflow::{Model, choice_text};
 
-/// The comparison.
+/// The subject of a comparison.
 #[derive(Clone, Copy)]
 pub struct Subject<'a> {
     /// The name of the scene.
     pub name: &'a str,
     /// The scene.
     pub model: &'a Model,
-    /// The runs.
+    /// The settings of the runs.
     pub settings: &'a CompareSettings<'a>,
-    /// The machine that it ran on.
+    /// The machine of the runs.
     pub machine: &'a Machine,
-    /// How busy the machine was before: processes that ran or waited to run.
+    /// The load before the runs: processes that ran or waited to run.
     pub load_before: Option<f64>,
 }
 
-/// Processes that run beside ours spoil its times from this share of the machine on.
+/// The share of the machine from which on other processes distort the times.
 const BUSY: f64 = 0.2;
 
 /// The part of the JSON document about a comparison.
@@ -88,7 +88,7 @@ pub struct ReferenceRecord {
 }
 
 impl<'a> Subject<'a> {
-    /// Returns the document of these parts; `files` are the names of what was written.
+    /// Returns the document of these parts; `files` are the names of the written files.
     #[must_use]
     pub fn document(self, parts: &'a [Part], storage: StorageFigures, files: Vec<String>) -> CompareDocument<'a> {
         let part = |part: &'a Part| ComparisonRecord {
@@ -222,7 +222,7 @@ impl<'a> Subject<'a> {
             PlotPoint {
                 setting: setting(case.method, case.value),
                 time_s: ranged(case.time_s),
-                // Less than its own error the reference cannot show.
+                // The reference does not resolve errors below its own.
                 error: Ranged {
                     middle: middle.max(reference_error),
                     low: low.max(reference_error),

@@ -84,7 +84,7 @@ pub(super) fn cases_table(comparison: &Comparison) -> Table {
     ];
     let mut table = Table::new(columns);
     for case in &comparison.cases {
-        // A method that is the reference has no error against it.
+        // A method that is itself the reference has no error against it.
         let e = |error: f64| {
             if error > 0.0 {
                 format!("{error:.2e}")
@@ -117,8 +117,9 @@ pub(super) fn cases_table(comparison: &Comparison) -> Table {
     table
 }
 
-/// Returns the fastest setting for bounds of the error, from a tenth down to the best error there is, or the reference's own; of bounds with the
-/// same answer the least.
+/// Returns the fastest setting for each bound of the error, from a tenth downwards.
+///
+/// The bounds end at the least error, or at that of the reference; of bounds with the same answer the least is listed.
 pub(super) fn fastest_table(comparison: &Comparison, reference: &Reference) -> Table {
     let mut table = Table::new(["error at most", "max", "time (ms)", "rms", "time (ms)"]);
     let mut last: Option<[String; 5]> = None;
@@ -153,7 +154,7 @@ pub(super) fn fastest_table(comparison: &Comparison, reference: &Reference) -> T
     table
 }
 
-/// Returns the fastest case of which no run had an error above `bound`, unless the reference cannot tell.
+/// Returns the fastest case in which no run had an error above `bound`, unless the bound is below the reference's error.
 fn fastest(
     comparison: &Comparison,
     error: fn(&CaseSummary) -> Spread,
@@ -167,7 +168,7 @@ fn fastest(
     good.min_by(|a, b| a.time_s.median.total_cmp(&b.time_s.median))
 }
 
-/// Returns a time in ms with three digits, or all that are before the point.
+/// Returns a time in ms with three digits, or all digits before the point.
 fn milliseconds(time_s: f64) -> String {
     let time = 1e3 * time_s;
     let digits = if time < 1.0 {

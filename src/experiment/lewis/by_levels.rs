@@ -1,4 +1,4 @@
-//! Section 7: K u with each part of the sum taken on the coarsest level that is good enough, form factors evaluated as they are needed.
+//! Section 7: K u with each part of the sum on the coarsest sufficient level, and form factors evaluated on demand.
 
 use std::time::Instant;
 
@@ -32,13 +32,13 @@ pub struct ByLevels {
     pub time_by_stored: f64,
 }
 
-/// Values of ε that are tried, W·m⁻².
+/// The values of ε, W·m⁻².
 pub const EPSILONS: [f64; 4] = [1e-2, 1e-3, 1e-4, 1e-5];
 
 /// Computes K u for the solution u by levels, and compares.
 ///
-/// |K u − Σ_k K^{l_k}_{i_k j_k} u^{l_k}_{j_k}| < ε: from whole walls down, a coarse patch J is taken as one term for patch i where
-/// ρ_i F_iJ (max u − min u over J) ≤ ε A_J / 6, and where it is no wider than half its distance from i (nearer the centre rule says nothing), which is our criterion for l_k; else its four parts are looked at. F_iJ is
+/// |K u − Σ_k K^{l_k}_{i_k j_k} u^{l_k}_{j_k}| < ε: from whole walls down, a coarse patch J is one term for patch i where
+/// ρ_i F_iJ (max u − min u over J) ≤ ε A_J / 6, and where it is no wider than half its distance from i (at smaller distances the centre rule is invalid). This is our criterion for l_k; otherwise J is split into four. F_iJ is
 /// equation (5) between the centres, with α of the finest level, which is known. `u`: \[N\].
 ///
 /// Source: [`LEWIS_1992`](crate::references::LEWIS_1992), section 7. Departures: his criterion is not printed; this one bounds what the spread of u in J can do, not the error of F_iJ.
@@ -62,7 +62,7 @@ pub fn product_by_levels(level: u32, u: &[f64]) -> Result<Vec<ByLevels>, Experim
     let mut exact = Block::zeros(n, 1);
     let x = Block::from_values(u.to_vec(), 1);
     let mut apply = || factors.apply(&x, &mut exact);
-    // One thread for all three, so that times compare.
+    // All three run on one thread, which makes their times comparable.
     let stored_s = match &threads_off {
         Ok(pool) => pool.install(|| timed(&mut apply)),
         Err(_) => timed(&mut apply),
@@ -147,7 +147,7 @@ struct Gather<'a> {
     room: Room,
     i: usize,
     centre: [f64; 3],
-    /// ρ_i / α_i.
+    /// The ratio ρ_i / α_i.
     rho: f64,
     epsilon: f64,
     n_terms: usize,
@@ -155,7 +155,7 @@ struct Gather<'a> {
 }
 
 impl Gather<'_> {
-    /// Returns the part of (K u)_i that comes from patch j of level l.
+    /// Returns the part of (K u)_i by patch j of level l.
     fn from(&mut self, l: u32, j: usize) -> f64 {
         let per_wall = |room: Room| room.per_edge() * room.per_edge();
         let coarse = Room { level: l };

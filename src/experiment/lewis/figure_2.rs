@@ -1,4 +1,4 @@
-//! Figure 2 as one reads it: the algorithm in its variants, in as few lines as the paper has.
+//! Figure 2 as read: the algorithm in its variants, in as few lines as in the paper.
 
 #![expect(
     clippy::shadow_unrelated,
@@ -39,7 +39,7 @@ pub const VARIANTS: [Variant; 5] = [
 ];
 
 impl Variant {
-    /// Returns what it is, in a few words.
+    /// Returns a description in a few words.
     #[must_use]
     pub fn description(self) -> &'static str {
         match self {
@@ -64,12 +64,12 @@ pub struct VariantRun {
     pub residuals: Vec<f64>,
 }
 
-/// Cycles after which a variant is taken to diverge.
+/// The number of cycles after which a variant counts as divergent.
 const MAX_CYCLES: usize = 100;
 
-/// Runs a variant at a level: plain matrices, one after the other, nothing shared with the solver `multigrid`.
+/// Runs a variant at a level, with plain matrices, sequentially, and without code of the solver `multigrid`.
 ///
-/// Prolongation is injection (the solver's runs of table 2 have the bilinear one), the coarsest level has 20 sweeps of Gauss-Seidel, there is no smoothing in first recursive calls.
+/// Prolongation is injection (the solver's runs of table 2 use the bilinear one), the coarsest level has 20 sweeps of Gauss-Seidel, and first recursive calls have no smoothing.
 ///
 /// # Errors
 /// [`ExperimentError::Matrix`] if form factors cannot be stored.
@@ -114,7 +114,7 @@ pub fn run_variant(variant: Variant, level: u32) -> Result<VariantRun, Experimen
 
 struct Algorithm {
     variant: Variant,
-    /// K of each level, row by row.
+    /// The matrix K of each level, row by row.
     matrices: Vec<Vec<f64>>,
 }
 

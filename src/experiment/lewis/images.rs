@@ -4,7 +4,9 @@ use super::model::Room;
 use crate::experiment::ExperimentError;
 use crate::matrix::Precision;
 
-/// Returns figure 1 as a PNG: |a_ij| of A = I − diag(ρ) F at a level, black where it is 1, white where it is 0, row i downwards, `scale` pixels a side of an entry.
+/// Returns figure 1 as a PNG: |a_ij| of A = I − diag(ρ) F at a level, row i downwards, `scale` pixels a side of an entry.
+///
+/// An entry is black where it is 1 and white where it is 0.
 ///
 /// Grey is 1 − |a|^½: the entries off the diagonal are at most 0.26, and most of them a hundredth of that.
 ///
@@ -38,7 +40,7 @@ pub fn unfolded_png(level: u32, values: &[f64], scale: usize) -> Result<Vec<u8>,
     let max = values.iter().copied().fold(0.0, f64::max);
     let side = m * scale;
     let grey = |x: usize, y: usize| {
-        // s to the right and t upwards inside a tile, in patches.
+        // Inside a tile, s runs right and t upwards, in patches.
         let (column, row) = (x / side, y / side);
         let (s, t) = (x % side / scale, m - 1 - y % side / scale);
         let (wall, a, b) = match (column, row) {

@@ -15,10 +15,10 @@ use crate::matrix::{Entry, FormFactors, Layout, Precision, RowTally, RowTile, St
 use crate::mesh::Hierarchy;
 use crate::mesh::hierarchy::FaceShape;
 
-/// ρ of the walls x = 0, x = 1, y = 0, y = 1, z = 0, z = 1.
+/// The reflectances ρ of the walls x = 0, x = 1, y = 0, y = 1, z = 0, z = 1.
 const REFLECTANCE: [f64; 6] = [0.2, 0.6, 0.4, 0.8, 1.0, 1.0];
 
-/// Rows that are made at a time.
+/// The number of rows that are made at a time.
 const ROWS_PER_TILE: usize = 64;
 
 /// The patches of the room at a level, without their form factors.
@@ -28,24 +28,24 @@ const ROWS_PER_TILE: usize = 64;
 /// Source: [`LEWIS_1992`](crate::references::LEWIS_1992), section 4. Departures: mean, not the integral of section 3; the hole reflects as the ceiling does.
 #[derive(Clone, Copy, Debug)]
 pub struct Room {
-    /// l.
+    /// The level l.
     pub level: u32,
 }
 
 impl Room {
-    /// Returns m, the patches along each edge of a wall.
+    /// Returns m, the number of patches along each edge of a wall.
     #[must_use]
     pub fn per_edge(self) -> usize {
         1 << self.level
     }
 
-    /// Returns N = 6 · 4^l.
+    /// Returns N = 6 · 4^l, the number of patches.
     #[must_use]
     pub fn n_patches(self) -> usize {
         6 * self.per_edge() * self.per_edge()
     }
 
-    /// Returns A, m², \[N\].
+    /// Returns the areas A, m², \[N\].
     #[must_use]
     pub fn areas(self) -> Vec<f64> {
         vec![self.area(); self.n_patches()]
@@ -55,14 +55,14 @@ impl Room {
         ((self.per_edge() * self.per_edge()) as f64).recip()
     }
 
-    /// Returns ρ, \[N, 1\].
+    /// Returns the reflectances ρ, \[N, 1\].
     #[must_use]
     pub fn reflectance(self) -> Block {
         let rho = |i: usize| REFLECTANCE[i / (self.per_edge() * self.per_edge())];
         Block::from_values((0..self.n_patches()).map(rho).collect(), 1)
     }
 
-    /// Returns E, W·m⁻², \[N, 1\].
+    /// Returns the exitances E, W·m⁻², \[N, 1\].
     #[must_use]
     pub fn exitance(self) -> Block {
         let m = self.per_edge();
@@ -103,7 +103,7 @@ impl Room {
         centre
     }
 
-    /// Returns α F_ij of equation (5): A_j cos θ_i cos θ_j / (π r²) between the centres; `j_room` is the level that j is a patch of.
+    /// Returns α F_ij of equation (5): A_j cos θ_i cos θ_j / (π r²) between the centres; `j_room` is the room at the level of j.
     pub(super) fn kernel(self, i: usize, j_room: Self, j: usize) -> f64 {
         let wall = |room: Self, k: usize| k / (room.per_edge() * room.per_edge());
         let (wall_i, wall_j) = (wall(self, i), wall(j_room, j));

@@ -1,4 +1,4 @@
-//! The paper's numbers, and those that an independent program gave for the same problem.
+//! The paper's numbers, and those of an independent program for the same problem.
 
 /// One line of table 2: l, the iterations of Gauss-Seidel and multigrid, their times on a SPARCstation 2 in s, and the ratio of these.
 pub(super) struct PrintedLine {
@@ -33,12 +33,12 @@ pub(super) const EXPECTED: [Expected; 6] = [
     Expected { level: 6, iterations: [12, 4], multiply_adds: [7.25e9, 3.28e9] },
 ];
 
-/// max |r| after each cycle at l = 4, by the same program.
+/// The values of max |r| after each cycle at l = 4, by the same program.
 pub(super) const MULTIGRID_RESIDUALS: [f64; 8] = [
     5.571e-3, 6.029e-4, 7.661e-5, 1.081e-5, 1.492e-6, 2.035e-7, 2.769e-8, 3.763e-9,
 ];
 
-/// max |r| after each sweep of Gauss-Seidel at l = 4, by the same program.
+/// The values of max |r| after each sweep of Gauss-Seidel at l = 4, by the same program.
 pub(super) const GAUSS_SEIDEL_RESIDUALS: [f64; 12] = [
     3.253e-2, 1.361e-2, 6.770e-3, 3.221e-3, 1.470e-3, 6.583e-4, 2.922e-4, 1.291e-4, 5.695e-5, 2.509e-5, 1.104e-5,
     4.861e-6,
@@ -52,6 +52,6 @@ pub(super) const WALL_MEANS: [(u32, [f64; 6]); 3] = [
     (4, [0.025_008_182_0, 0.072_187_937_7, 0.048_525_134_9, 0.092_998_457_7, 0.116_539_703_7, 0.322_128_072_9]),
 ];
 
-/// Cycles at l = 1 to 4 of forms that the paper prints or that are easily mistaken for them, by the same program.
+/// The cycles at l = 1 to 4 of forms that the paper prints or that are easily mistaken for them, by the same program.
 pub(super) const JACOBI_CYCLES: [usize; 4] = [7, 6, 6, 6];
 pub(super) const PLUS_SIGN_CYCLES: [usize; 4] = [50, 7, 51, 7];

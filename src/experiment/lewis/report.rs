@@ -1,4 +1,4 @@
-//! The reproduction as report, tables, plots and JSON.
+//! The report, tables, plots and JSON of the reproduction.
 
 use std::fmt::Write as _;
 
@@ -10,7 +10,7 @@ use crate::experiment::findings::{FAILED, Files, Findings, PaperDocument, text_f
 use crate::report::curves::{Curve, CurvePlot};
 use crate::report::{Machine, Table, table};
 
-/// Alternating runs of which the median counts.
+/// The number of alternating runs for a median.
 pub const ROUNDS: usize = 7;
 
 /// Our times of one level.

@@ -1,4 +1,4 @@
-//! The tables, line by line, beside the paper's and beside what they must be.
+//! The tables, line by line, beside the paper's and the expected ones.
 
 #![expect(
     clippy::shadow_unrelated,
@@ -82,7 +82,7 @@ impl SolverLine {
         self.times_s[1] / self.times_s[0]
     }
 
-    /// Returns the same, setup included.
+    /// Returns multigrid's time, with setup, over that of Gauss-Seidel.
     #[must_use]
     pub fn time_ratio_with_setup(&self) -> f64 {
         (self.times_s[1] + self.setup_s) / self.times_s[0]
@@ -104,7 +104,7 @@ pub struct Check {
 }
 
 impl Check {
-    /// Returns whether the number is what it must be.
+    /// Returns whether the number is as expected.
     #[must_use]
     pub fn is_met(&self) -> bool {
         (self.measured - self.expected).abs() <= self.tolerance
@@ -135,14 +135,14 @@ pub struct LewisResults {
 }
 
 impl LewisResults {
-    /// Returns whether every number is what it must be.
+    /// Returns whether every number is as expected.
     #[must_use]
     pub fn is_met(&self) -> bool {
         self.checks.iter().all(Check::is_met)
     }
 }
 
-/// Repeats the tables; table 2 up to `level_max`, each time the median of `rounds` runs.
+/// Reproduces the tables; table 2 up to `level_max`, each time as the median of `rounds` runs.
 ///
 /// # Errors
 /// [`ExperimentError`] if form factors cannot be stored, or a system is refused.
@@ -199,7 +199,7 @@ fn size_line(level: u32) -> SizeLine {
     }
 }
 
-/// Checks the counted sizes against memory in use at l = 3: sparse and symmetric storage add what finds the rows and tiles.
+/// Checks the counted sizes against the memory in use at l = 3, where sparse and symmetric storage also have indices of rows and tiles.
 fn measure_sizes(results: &mut LewisResults) -> Result<(), ExperimentError> {
     let room = Room { level: 3 };
     let dense = room.form_factors(Precision::F64)?;
@@ -219,7 +219,7 @@ fn measure_sizes(results: &mut LewisResults) -> Result<(), ExperimentError> {
     Ok(())
 }
 
-/// A room with everything that solving it needs.
+/// A room with the input of its solution.
 struct Prepared {
     room: Room,
     factors: FormFactors,
@@ -228,7 +228,7 @@ struct Prepared {
 impl Prepared {
     fn new(level: u32) -> Result<Self, ExperimentError> {
         let room = Room { level };
-        // 2.4 GB at l = 6 instead of 4.8.
+        // At l = 6 this needs 2.4 GB instead of 4.8.
         let precision = if level < 6 { Precision::F64 } else { Precision::F32 };
         Ok(Self {
             room,
@@ -241,7 +241,7 @@ impl Prepared {
         Ok(RadiositySystem::new(&self.factors, areas, rho, exitance)?)
     }
 
-    /// Returns multigrid as the paper has it.
+    /// Returns multigrid with the paper's settings.
     fn multigrid(&self, true_residuals: bool) -> Result<Multigrid, ExperimentError> {
         let coarse = (0..self.room.level)
             .rev()
@@ -282,14 +282,14 @@ fn solver_line(level: u32, rounds: usize) -> Result<SolverLine, ExperimentError>
     let timed = prepared.multigrid(false)?;
     let (mut times, mut setup) = ([Vec::new(), Vec::new()], Vec::new());
     for _ in 0..rounds {
-        // Many runs of the small rooms at a time: a clock must have something to measure.
+        // The small rooms run many times, so that the times are measurable.
         let repeats = 1 + 2_000_000 / prepared.room.n_patches().pow(2);
         for (k, solver) in [&GaussSeidel as &dyn Solver, &timed].into_iter().enumerate() {
             let (mut total_s, mut setup_s) = (0.0, 0.0);
             for _ in 0..repeats {
                 let solution = solve(&system, solver, TOLERANCE, 1000)?;
                 setup_s += solution.setup_s;
-                // Up to the end of the last pass and its check; the bound of the error comes after that.
+                // The time ends with the last pass and its check; the bound of the error is computed later.
                 total_s += solution.history.last().map_or(f64::NAN, |last| last.time_s);
             }
             times[k].push((total_s - setup_s) / repeats as f64);
@@ -335,7 +335,7 @@ fn check_line(checks: &mut Vec<Check>, line: &SolverLine) {
     }
 }
 
-/// Returns half a unit of the last of so many digits of a number, and a little for its own rounding.
+/// Returns half a unit of the last of `digits` digits of a number, with a margin for its own rounding.
 fn half_digit(value: f64, digits: i32) -> f64 {
     let exponent = value.abs().log10().floor();
     0.5 * 10f64.powf(exponent - f64::from(digits - 1)) * (1.0 + 1e-9)
@@ -344,11 +344,11 @@ fn half_digit(value: f64, digits: i32) -> f64 {
 fn residuals(results: &mut LewisResults) -> Result<(), ExperimentError> {
     let prepared = Prepared::new(4)?;
     let system = prepared.system()?;
-    // A tolerance out of reach: as many passes as the lists are long.
+    // With an unreachable tolerance, there are as many passes as the lists are long.
     let multigrid = solve(&system, &prepared.multigrid(true)?, 1e-300, MULTIGRID_RESIDUALS.len())?;
     results.multigrid_residuals = multigrid.history.iter().map(|entry| entry.residual_max).collect();
     for n_passes in 1..=GAUSS_SEIDEL_RESIDUALS.len() {
-        // The true residual is calculated at the end of a run alone.
+        // The true residual is calculated only at the end of a run.
         let run = solve(&system, &GaussSeidel, 1e-300, n_passes)?;
         let last = run.history.last().map_or(f64::NAN, |entry| entry.residual_max);
         results.gauss_seidel_residuals.push(last);
@@ -385,7 +385,7 @@ fn wall_means(results: &mut LewisResults) -> Result<(), ExperimentError> {
                 name: format!("mean of wall {wall}, l = {level}"),
                 expected,
                 measured,
-                // Ten decimals.
+                // The expected values have ten decimals.
                 tolerance: 0.5e-10 + 1e-13,
             });
         }
@@ -396,7 +396,7 @@ fn wall_means(results: &mut LewisResults) -> Result<(), ExperimentError> {
     Ok(())
 }
 
-/// Returns the same with a direct solution of the coarsest level and its own matrices, which l = 0 needs: it has no coarser level.
+/// Returns multigrid with a direct solution of the coarsest level and its own matrices, which l = 0 needs: it has no coarser level.
 fn direct(multigrid: Multigrid) -> Multigrid {
     Multigrid {
         coarsest: Coarsest::Direct,

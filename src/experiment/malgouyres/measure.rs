@@ -12,30 +12,32 @@ use crate::scene::{Material, Scene};
 use crate::solver::{RadiositySystem, Tolerance};
 use crate::visibility::embree::EmbreeVisibility;
 
-/// Steps from sampling points to measuring patches: 2³ points along an edge.
+/// The steps from sampling points to measuring patches: 2³ points along an edge.
 const STEPS_TO_MEASURE: usize = 3;
 
-/// A scene, and how it is measured.
+/// A scene, with the settings of its measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Case {
-    /// The built-in scene.
+    /// The name of the built-in scene.
     pub scene: &'static str,
-    /// Its level, where it has levels.
+    /// Its level, if it has levels.
     pub level: Option<u32>,
-    /// Measuring patches along each edge of a face: a power of two.
+    /// The number of measuring patches along each edge of a face: a power of two.
     pub per_edge: u32,
-    /// Propagations after which the voxels' own iteration is done to 1e-4 or better.
+    /// The number of propagations after which the voxels' own iteration is converged to 1e-4 or better.
     pub n_passes: usize,
     /// The tolerance of `exact` for the reference.
     pub tolerance: f64,
-    /// The errors that were measured at 10, 20 and 40 voxels with R = 30.
+    /// The errors measured at 10, 20 and 40 voxels with R = 30.
     pub expected_errors: [f64; 3],
     /// The range of the order in h, from 40 voxels on.
     pub order: [f64; 2],
 }
 
-/// The rooms. The order is first: a voxel knows its surface to half a voxel. The outline of the Cornell box's light, 9 × 7 voxels at 40, is rounded to whole ones, and so are the tilted
-/// faces of its blocks: the order is lower there. Propagations: none is reflected in the cube; elsewhere the mean reflectance to the power of twice the passes, as in place each counts about double, is below 1e-4.
+/// The rooms.
+///
+/// The order is first, as a voxel locates its surface to half a voxel. The outline of the Cornell box's light, 9 × 7 voxels at 40, is rounded to whole ones, as are the tilted faces of its blocks: the
+/// order is lower there. Propagations: the cube reflects nothing; elsewhere the mean reflectance to the power of twice the passes, as in place each counts about double, is below 1e-4.
 #[rustfmt::skip]
 pub(super) const CASES: [Case; 4] = [
     Case { scene: "cube", level: None, per_edge: 8, n_passes: 1, tolerance: 1e-6, expected_errors: [7.19e-2, 3.46e-2, 1.86e-2], order: [0.7, 1.3] },
@@ -48,20 +50,20 @@ pub(super) const CASES: [Case; 4] = [
 pub struct PatchReference {
     /// The scene.
     pub scene: Scene,
-    /// Points at which other solutions are asked for, as patches.
+    /// The points at which other solutions are sampled, as patches.
     pub sampling: Mesh,
-    /// From the sampling patches to ever coarser ones.
+    /// The steps from the sampling patches to ever coarser ones.
     levels: Vec<Coarsening>,
     visibility: EmbreeVisibility,
     unoccluded: bool,
     n_channels: usize,
-    /// Areas of the measuring patches, m².
+    /// The areas of the measuring patches, m².
     areas: Vec<f64>,
-    /// H on the measuring patches, W·m⁻².
+    /// The irradiance H on the measuring patches, W·m⁻².
     irradiance: Block,
-    /// Patches of the reference.
+    /// The number of patches of the reference.
     pub n_patches: usize,
-    /// The change of the reference from measuring patches to those half as wide, relative: a bound of its error if that at least halves.
+    /// The relative change of the reference from measuring patches to those half as wide, which bounds its error if that at least halves.
     pub change: f64,
 }
 
@@ -77,7 +79,7 @@ impl PatchReference {
         let visibility = EmbreeVisibility::new(&scene)?;
         let mut reference = Self {
             n_channels: scene.n_channels_needed(),
-            // Two empty convex rooms.
+            // These are two empty convex rooms.
             unoccluded: matches!(case.scene, "cube" | "lewis-room"),
             areas: Mesh::new(&scene, Subdivision::Uniform(case.per_edge))?.areas(),
             irradiance: Block::zeros(0, 1),
@@ -136,10 +138,10 @@ impl PatchReference {
         Ok(solution.irradiance)
     }
 
-    /// Returns values of patches that cut every edge into `per_edge` parts on the measuring patches: averaged, or each coarse patch's own.
+    /// Returns values of patches that cut every edge into `per_edge` parts on the measuring patches: averaged, or those of each coarse patch.
     ///
     /// # Panics
-    /// If `per_edge` is not that of the sampling or the measuring patches, or those between or above by powers of two.
+    /// If `per_edge` is neither that of the sampling or the measuring patches, nor between or above these by powers of two.
     #[must_use]
     #[track_caller]
     pub fn to_measuring(&self, mut values: Block, case: &Case, per_edge: u32) -> Block {
@@ -217,7 +219,7 @@ mod tests {
 
     #[test]
     fn coarse_patches_are_unions_of_fine_ones_in_the_mesh_s_own_order() {
-        // Quads and triangles.
+        // These scenes have quads and triangles.
         for (name, per_edge) in [("cornell-box", 2), ("sphere-room-r1", 1)] {
             let scene = crate::scene::builtin::build(name, None).unwrap().scene;
             let finest = Mesh::new(&scene, Subdivision::Uniform(per_edge << STEPS_TO_MEASURE)).unwrap();
@@ -231,7 +233,7 @@ mod tests {
                 let mesh = Mesh::new(&scene, Subdivision::Uniform(per_edge << (STEPS_TO_MEASURE - 1 - k))).unwrap();
                 assert_eq!(mesh.n_patches(), coarse.len());
                 for (patch, centroid) in mesh.patches.iter().zip(&coarse) {
-                    // Rounding, in rooms of some metres.
+                    // The tolerance covers rounding in rooms of some metres.
                     assert!(patch.centroid.distance(*centroid) < 1e-12, "{name} {k}");
                 }
                 centroids = coarse;

@@ -1,4 +1,4 @@
-//! The reproduction as report, tables, plots and JSON.
+//! The report, tables, plots and JSON of the reproduction.
 
 use std::fmt::Write as _;
 
@@ -117,7 +117,7 @@ fn report(results: &MalgouyresResults, with_times: bool) -> String {
     text
 }
 
-/// All runs on voxels, and what is varied in each.
+/// Iterates over all runs on voxels, with the varied parameter of each.
 fn all_voxel_runs(scene: &SceneResult) -> impl Iterator<Item = (&'static str, &VoxelRun)> {
     let by_resolution = scene.by_resolution.iter().map(|run| ("resolution", run));
     let by_radius = scene.by_radius.iter().map(|run| ("radius", run));
@@ -157,7 +157,7 @@ fn voxel_table(scene: &SceneResult, with_times: bool) -> Table {
             let in_time = scene.patches.iter().filter(|patches| patches.time_s <= run.time_s);
             let best = in_time.min_by(|a, b| a.error.total_cmp(&b.error));
             cells.push(format!("{:.3}", run.time_s));
-            // Beside itself a resolution says nothing.
+            // A comparison of a resolution with itself is meaningless.
             let uniform = scene.uniform_error_after(run.time_s).filter(|_| varied == "cells");
             cells.push(or_dash(uniform.map(|error| format!("{error:.2e}"))));
             cells.push(or_dash(

@@ -97,9 +97,9 @@ pub struct SceneResult {
 }
 
 impl SceneResult {
-    /// Returns the error that uniform voxels have after a time: on the straight line, in logarithms, between the two resolutions whose times are on either side of it.
+    /// Returns the error of uniform voxels after a given time, interpolated in logarithms between the resolutions with adjacent times.
     ///
-    /// The finest resolution's error where that took no longer; `None` where the coarsest took longer.
+    /// If the finest resolution took no longer, its error is returned; if the coarsest took longer, `None`.
     #[must_use]
     pub fn uniform_error_after(&self, time_s: f64) -> Option<f64> {
         let runs = &self.by_resolution;
@@ -293,7 +293,7 @@ fn on_cells(reference: &PatchReference, case: &Case, n: u32, tolerance: f64) -> 
     }
 }
 
-/// Classical radiosity: hemicubes, the method of the paper's time, and exact form factors up to the measuring patches.
+/// Runs classical radiosity: hemicubes, the method of the paper's time, and exact form factors up to the measuring patches.
 fn patch_runs(
     reference: &PatchReference,
     case: &Case,
@@ -330,14 +330,14 @@ fn patch_runs(
     Ok(runs)
 }
 
-/// How far an error may be from the one measured: three digits are written down, and rounding on another machine may move a few voxels.
+/// The allowed relative difference from the measured error: three digits are recorded, and rounding on another machine may move a few voxels.
 const SPREAD: f64 = 0.02;
 
 /// Returns the checks that must hold on a scene.
 fn checks(case: &Case, result: &SceneResult) -> Vec<Check> {
     let check =
         |name: String, value: f64, range: [f64; 2]| Check::new(format!("{}: {name}", result.scene), value, range);
-    // Measured: 1.2 to 1.4. Directions of neighbouring voxels differ in what they see, so the errors of their sums partly cancel.
+    // The measured orders are 1.2 to 1.4: neighbouring voxels have different directions, so the errors of their sums partly cancel.
     let mut checks = vec![check("order in 1/R".into(), result.order_in_radius, [0.9, 1.8])];
     for (run, expected) in result.by_resolution.iter().zip(case.expected_errors) {
         let range = [1.0 - SPREAD, 1.0 + SPREAD].map(|factor| factor * expected);
@@ -346,10 +346,10 @@ fn checks(case: &Case, result: &SceneResult) -> Vec<Check> {
     let (Some(voxels), Some(cells)) = (result.by_resolution.last(), result.adaptive.first()) else {
         return checks;
     };
-    // At 20 voxels a wall has few cells, and two resolutions are no line.
+    // At 20 voxels a wall has few cells, and two resolutions do not determine a line.
     if result.by_resolution.len() > 2 {
         checks.push(check("order in h".into(), result.order_in_h, case.order));
-        // Measured at 40 voxels: 0.97 to 1.09 of the error with 0.16 to 0.63 of the links.
+        // The measured error at 40 voxels is 0.97 to 1.09 of that of voxels, with 0.16 to 0.63 of the links.
         checks.push(check(
             "error of cells by that of voxels".into(),
             cells.error / voxels.error,
@@ -368,7 +368,7 @@ fn checks(case: &Case, result: &SceneResult) -> Vec<Check> {
 mod tests {
     use super::*;
 
-    /// Errors 0.1 / n after n² seconds at 1, 2 and 4.
+    /// Returns errors 0.1 / n after n² seconds for n = 1, 2 and 4.
     fn result() -> SceneResult {
         let run = |n: u32| VoxelRun {
             n,

@@ -1,4 +1,4 @@
-//! Flat, interpolated and gathered pictures of one solution: error against run time.
+//! Compares flat, interpolated and gathered images of one solution: error against run time.
 
 mod report;
 
@@ -34,19 +34,19 @@ const MAX_EDGE: f64 = 0.06;
 /// The tolerance of the form factors.
 const TOLERANCE: f64 = 1e-5;
 
-/// The noises that are asked of final gather.
+/// The noises of final gather.
 const NOISES: [f64; 3] = [0.1, 0.05, 0.02];
 
 /// The noise of the reference: a tenth of the least.
 pub const REFERENCE_NOISE: f64 = 0.002;
 
-/// More rays than any pixel of the reference needs.
+/// The limit of rays, above the need of any pixel of the reference.
 const MAX_RAYS: NonZeroU32 = NonZeroU32::MAX;
 
 /// The greatest level: 384 × 384 pixels.
 pub const LEVEL_MAX: u32 = 4;
 
-/// The level where nothing is asked for: 96 × 96 pixels.
+/// The default level: 96 × 96 pixels.
 pub const LEVEL_DEFAULT: u32 = 2;
 
 /// One way to make the picture.
@@ -107,7 +107,7 @@ impl PicturesResults {
     }
 }
 
-/// The ways: flags, settings.
+/// Returns the ways to render: flags, settings.
 fn ways() -> Vec<(String, RenderSettings)> {
     let plain = |flat, direct| RenderSettings {
         flat,
@@ -140,13 +140,13 @@ fn gathered(noise: f64) -> RenderSettings {
     }
 }
 
-/// Solves the Cornell box, and compares its pictures of 24 · 2^`level` pixels a side with one by final gather at a tenth of the least noise.
+/// Solves the Cornell box, and compares its images of 24 · 2^`level` pixels a side with one by final gather at a tenth of the least noise.
 ///
-/// All pictures show the same solution, with one sample a pixel: what differs is how light is found between the patches' values. Every check must hold on any machine; times are
-/// those of this one.
+/// All images show the same solution, with one sample a pixel, and differ in the light between the patches' values. Every check must hold on any machine; the times are
+/// those of the current one.
 ///
 /// # Errors
-/// [`ExperimentError`] if a stage fails, or somebody asked to stop.
+/// [`ExperimentError`] if a stage fails, or the caller asked to stop.
 ///
 /// # Panics
 /// If `level` is above [`LEVEL_MAX`].
@@ -232,7 +232,7 @@ pub fn reproduce(level: u32, progress: &dyn Progress) -> Result<PicturesResults,
     })
 }
 
-/// Returns the errors of an image against another: root mean square, median of the pixels' own, root mean square of the pixels' own.
+/// Returns the errors of an image against another: root mean square, and median and root mean square of the relative errors of pixels.
 fn errors(image: &Image, reference: &Image) -> [f64; 3] {
     let layers = |of: &Image| {
         ["irradiance.R", "irradiance.G", "irradiance.B"].map(|name| {
@@ -245,7 +245,7 @@ fn errors(image: &Image, reference: &Image) -> [f64; 3] {
     let mut own = Vec::new();
     for k in 0..known[0].len() {
         let brightest = known.iter().map(|layer| layer[k]).fold(0.0, f64::max);
-        // Background, and backs, have no light.
+        // Background and backs have no light.
         if brightest <= 0.0 {
             continue;
         }
@@ -263,7 +263,7 @@ fn errors(image: &Image, reference: &Image) -> [f64; 3] {
     [(squares / n).sqrt() / (sum / n), median, (relative_squares / n).sqrt()]
 }
 
-/// Returns the checks: gathered pictures have the noise asked for, and interpolation is better than constant patches.
+/// Returns the checks: gathered images have the requested noise, and interpolation is better than constant patches.
 fn checks(runs: &[PictureRun]) -> Vec<Check> {
     let mut checks = Vec::new();
     let mut add = |name: String, value: f64, range: [f64; 2]| {
@@ -271,7 +271,7 @@ fn checks(runs: &[PictureRun]) -> Vec<Check> {
     };
     for run in runs {
         if let Some(noise) = run.noise {
-            // Pixels stop between half the noise and all of it, for rays double from round to round; an estimate that is too small by chance stops early.
+            // Pixels stop between half the noise and all of it, as rays double from round to round; an estimate that is too small by chance stops early.
             let name = format!("error of {} in units of its noise", run.flags);
             add(name, run.relative_rms / noise, [0.1, 1.1]);
         }

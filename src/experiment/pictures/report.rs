@@ -1,4 +1,4 @@
-//! The comparison as report, tables, plot and JSON.
+//! The report, tables, plot and JSON of the comparison.
 
 use std::fmt::Write as _;
 
@@ -53,7 +53,7 @@ fn files(results: &PicturesResults) -> Result<Files, ExperimentError> {
         text_file("error-time.svg", error_time(results).to_svg()?),
     ];
     for run in &results.runs {
-        // `--flat --direct exact` is in flat-direct-exact.png.
+        // The image of `--flat --direct exact` is in flat-direct-exact.png.
         let name = run.flags.trim_start_matches('-').replace(" --", "-").replace(' ', "-");
         files.push((format!("{name}.png"), run.picture.clone()));
     }
@@ -61,6 +61,8 @@ fn files(results: &PicturesResults) -> Result<Files, ExperimentError> {
     Ok(files)
 }
 
+/// Returns the report in Markdown, with or without times.
+///
 /// Writing to a String cannot fail; the results of `write!` are dropped for that reason.
 fn report(results: &PicturesResults, with_times: bool) -> String {
     let mut text = String::from("# Flat, interpolated and gathered pictures of one solution\n\n");

@@ -1,4 +1,4 @@
-//! The systems that solvers are tried on.
+//! The systems for the solvers.
 
 use super::rooms;
 use glam::DVec3;
@@ -11,9 +11,9 @@ use crate::solver::{RadiositySystem, SolverError};
 /// The required outcome of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Expected {
-    /// There is a solution; a solver finds it, or says that it did not.
+    /// A solution exists; a solver finds it, or reports that it did not.
     Solution,
-    /// There is none that means anything: it has to be refused.
+    /// There is no meaningful solution: it has to be refused.
     Refusal,
 }
 
@@ -25,15 +25,15 @@ pub(super) struct Case {
     pub(super) areas: Vec<f64>,
     pub(super) reflectance: Block,
     pub(super) exitance: Block,
-    /// Whether exitances may be negative.
+    /// True if exitances may be negative.
     pub(super) signed: bool,
     pub(super) expected: Expected,
 }
 
-/// Patches along an edge of the cube: 216 patches.
+/// The patches along an edge of the cube: 216 in all.
 const EDGE: u32 = 6;
 
-/// Patches along an edge of the smaller cube of the Monte Carlo cases: 54 patches.
+/// The patches along an edge of the smaller cube of the Monte Carlo cases: 54 in all.
 const SMALL_EDGE: u32 = 3;
 
 /// An operator without patches.
@@ -71,7 +71,7 @@ impl Case {
         }
     }
 
-    /// Returns the system, where it is accepted.
+    /// Returns the system, or the error that refuses it.
     pub(super) fn system(&self) -> Result<RadiositySystem<'_>, SolverError> {
         let (areas, reflectance, exitance) = (self.areas.clone(), self.reflectance.clone(), self.exitance.clone());
         if self.signed {
@@ -134,7 +134,7 @@ fn stiff(cube: &FormFactors) -> Vec<Case> {
     cases
 }
 
-/// Sides of unequal size, one patch each: the residuals of sweeps rise before they fall, and swing.
+/// Returns cases with sides of unequal size, one patch each: the residuals of sweeps rise before they fall, and oscillate.
 fn stiff_and_small() -> Result<Vec<Case>, ExperimentError> {
     let sides = rooms::cuboid(DVec3::new(1.0, 1.5, 2.0), 1);
     let room = rooms::form_factors(&sides, 1.0, StorageChoice::default())?;

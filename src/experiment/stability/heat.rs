@@ -1,7 +1,7 @@
-//! Heat that hangs on small differences: emissivities near 0, very hot beside very cold, heats that nearly cancel.
+//! Heat that depends on small differences: emissivities near 0, very hot beside very cold surfaces, heats that nearly cancel.
 //!
-//! A case is a closed cube with a condition on each side. Every solver finds its heat as `radiosity heat` does, and is judged by the irradiance of each patch: relative to the larger of that and the patch's own emissive
-//! power, it is off the exact one by no more than is stated of form factors and solver, and rounding.
+//! A case is a closed cube with a condition on each side. Every solver computes its heat as `radiosity heat` does, and is judged by the irradiance of each patch: its error relative to the larger of
+//! itself and the patch's own emissive power must be within the stated error by form factors and solver, and rounding.
 
 use std::time::Instant;
 
@@ -20,7 +20,7 @@ use crate::workflow::{
     Context, FormFactorRequest, FormFactorStudy, HeatStudy, Model, SolveRequest, TotalError, Use, WorkflowError,
 };
 
-/// Patches along an edge of the cube: 96 patches.
+/// The patches along an edge of the cube: 96 in all.
 const EDGE: u32 = 4;
 
 /// The sides of the cube: an emissivity and a condition each, the floor and the ceiling last.
@@ -121,7 +121,7 @@ impl Enclosure {
         self.model.mesh.n_patches()
     }
 
-    /// Tries a solver.
+    /// Runs a solver.
     pub(super) fn cell(&mut self, case: &HeatCase, entry: &SolverEntry) -> Cell {
         let request = SolveRequest {
             solver: entry.name.to_owned(),
@@ -173,14 +173,14 @@ impl Enclosure {
         cell
     }
 
-    /// Returns the greatest error of an irradiance and the greatest that is stated, or what is not true.
+    /// Returns the greatest error of an irradiance and the greatest stated one, or the violation.
     fn judged(&self, case: &HeatCase, study: &HeatStudy) -> Result<(f64, f64), String> {
         if case.expected == Expected::Refusal {
             return Err("converged, where nothing means anything".to_owned());
         }
         let exact = self.exact(case).map_err(|error| error.to_string())?;
         let band = &study.heat.thermal;
-        // A rounding of a patch's radiosity counts as often as its light is reflected.
+        // The rounding of a patch's radiosity is repeated with every reflection of its light.
         let least = case.sides.iter().map(|side| side.0).fold(1.0, f64::min);
         let (mut worst, mut bound) = (0.0_f64, 0.0_f64);
         for (i, patch) in self.model.mesh.patches.iter().enumerate() {
@@ -204,7 +204,7 @@ impl Enclosure {
         Ok((worst, bound))
     }
 
-    /// Returns the irradiance of each patch to all digits, W·m⁻².
+    /// Returns the irradiance of each patch to full precision, W·m⁻².
     fn exact(&self, case: &HeatCase) -> Result<Vec<f64>, WorkflowError> {
         let of_patches = self
             .model

@@ -1,10 +1,10 @@
-//! Every solver on stiff, extreme and impossible systems: is what it says true?
+//! Tries every solver on stiff, extreme and impossible systems, and checks its statements.
 //!
-//! A cell of the table is one solver on one case. It is *right* if the solver says `converged`, and then everything it says is checked against
+//! A cell of the table is one solver on one case. It is *right* if the solver reports `converged`, and all of its statements agree with
 //! an exact solution (a factorisation, refined with residuals in twice the precision): the radiosities are finite, not negative, their true residual
-//! meets the tolerance, their error is within the error bound that was given (or, where none was, within what the residual explains), and the light is accounted
-//! for. It is *refused* if the solver or the system returned a typed error or stopped as `stagnated` or `diverged`, and *slow* if all passes were used up. Everything else is
-//! *wrong*: there must be no such cell. So it is with the heat of enclosures, whose irradiances are held against what is stated of them.
+//! meets the tolerance, their error is within the error bound (or, without a bound, within that of the residual), and energy is
+//! conserved. It is *refused* if the solver or the system returned a typed error or stopped as `stagnated` or `diverged`, and *slow* if all passes were used up. Everything else is
+//! *wrong*: there must be no such cell. The heat of enclosures is judged in the same way, by comparing irradiances with their stated errors.
 
 #![cfg_attr(
     test,
@@ -41,13 +41,15 @@ pub use report::{CaseTimes, StabilityDocument};
 /// The tolerance on sqrt(Σ A r² / Σ A E²).
 pub const TOLERANCE: f64 = 1e-6;
 
-/// The passes that a solver may spend.
+/// The limit of passes of a solver.
 pub const MAX_PASSES: usize = 1000;
 
-/// Runs of a cell, of which the least time counts: no more than the first number where all have taken [`RUNS_S`], since the least of many short times is steady.
+/// The numbers of runs of a cell, of which the least time counts.
+///
+/// Only the first number is run if these take [`RUNS_S`]; the least of many short times is steady.
 const N_RUNS: RangeInclusive<usize> = 3..=100;
 
-/// The time that the runs of a cell take together, s.
+/// The total time of the runs of a cell, s.
 const RUNS_S: f64 = 5e-3;
 
 /// How one solver did on one case.
@@ -184,7 +186,8 @@ fn try_case(case: &Case, n_runs: &RangeInclusive<usize>, progress: &dyn Progress
         }
     };
     let mut trials: Vec<Trial> = SOLVERS.iter().copied().map(Trial::new).collect();
-    // Each with a system of its own, as a user has: some of what solvers ask of a system is kept there. By turns, so that where the allocator puts the vectors of a run, and a machine that changes its pace, matter to all solvers alike.
+    // Each solver has a system of its own, as for a user: solvers cache results in it. They run in turns, so that the placement of vectors in memory and changes of the machine's speed affect all
+    // alike.
     while trials.iter().any(|trial| !trial.is_over(n_runs)) {
         for trial in trials.iter_mut().filter(|trial| !trial.is_over(n_runs)) {
             trial.run(&case.system().expect("it was accepted before"));
@@ -290,7 +293,7 @@ fn judged(case: &Case, trial: Trial, system: &RadiositySystem, oracle: &Oracle) 
     }
 }
 
-/// Returns what is not true of a solution that is said to be converged.
+/// Returns the false statement of a solution that is reported as converged.
 fn lie(case: &Case, system: &RadiositySystem, oracle: &Oracle, solution: &Solution, error: f64) -> Option<String> {
     let b = solution.radiosity.values();
     if b.iter().any(|b| !b.is_finite()) {
@@ -306,7 +309,7 @@ fn lie(case: &Case, system: &RadiositySystem, oracle: &Oracle, solution: &Soluti
         let residuals = residuals(system, &solution.radiosity, c);
         let residual = |i: usize| residuals[i];
         let l2 = |value: &dyn Fn(usize) -> f64| -> f64 {
-            // The greatest value is taken out first: its square may not be a number.
+            // The greatest value is factored out: its square may overflow.
             let max = (0..b.len() / system.n_channels())
                 .map(|i| value(i).abs())
                 .fold(0.0, f64::max);
@@ -352,7 +355,7 @@ fn lie(case: &Case, system: &RadiositySystem, oracle: &Oracle, solution: &Soluti
     None
 }
 
-/// Returns E − B + ρ F B of one channel, with twice the digits: in f64 it may be 0 for no better reason than rounding.
+/// Returns E − B + ρ F B of one channel, in twice the precision: in f64 it may be 0 by rounding alone.
 fn residuals(system: &RadiositySystem, radiosity: &Block, c: usize) -> Vec<f64> {
     let rows = system.operator().rows().expect("all cases have rows");
     let of_row = |i: usize| {
@@ -413,7 +416,7 @@ mod tests {
     use crate::progress::Silent;
     use crate::solver::{GaussSeidel, Sor};
 
-    /// The table itself: no cell is wrong, what has no solution is refused by all, and some solver is right wherever there is one.
+    /// Tests the table: no cell is wrong, all solvers refuse cases without a solution, and some solver is right in every other case.
     #[test]
     fn no_solver_says_what_is_not_true() {
         let table = try_all(0, 1..=1, &Silent).unwrap();
@@ -438,7 +441,7 @@ mod tests {
         }
     }
 
-    /// Residuals of sweeps that rise before they fall, swing for longer than the patience, or lag behind are no standing still.
+    /// Tests that residuals of sweeps that rise before they fall, oscillate for longer than the patience, or lag behind do not count as stagnation.
     #[test]
     fn slow_is_not_stagnated() {
         let cases = cases::all(0).unwrap();
@@ -456,7 +459,7 @@ mod tests {
             (solution.stop_reason, solution.n_passes)
         };
         let sor = |omega: f64| Sor { omega: Some(omega) };
-        // The least passes after which the true residual meets the tolerance, counted in a program of a dozen lines; estimates that lag cost a twentieth more.
+        // The least passes after which the true residual meets the tolerance, counted by a separate program; estimates that lag cost a twentieth more.
         for (exponent, solver, least) in [
             (1, &sor(1.9) as &dyn Solver, 126),
             (3, &sor(1.5), 2254),
@@ -476,7 +479,7 @@ mod tests {
         assert_eq!(passes(5, &GaussSeidel, 1000), (StopReason::MaxPasses, 1000));
     }
 
-    /// The oracle tells systems of light from others, as the cases say.
+    /// Tests that the oracle distinguishes systems of light from others, as the cases state.
     #[test]
     fn expectations_are_those_of_the_oracle() {
         for case in cases::all(0).unwrap().iter().filter(|case| !case.signed) {
@@ -488,7 +491,7 @@ mod tests {
         }
     }
 
-    /// A judge that lets everything pass proves nothing.
+    /// Tests that the judge finds errors.
     #[test]
     fn the_judge_finds_what_is_wrong() {
         let cases = cases::all(0).unwrap();

@@ -1,4 +1,4 @@
-//! The solution to all digits, and how far off one may be.
+//! Exact solutions, and the allowed errors of others.
 
 use faer::Mat;
 use faer::linalg::solvers::{PartialPivLu, Solve};
@@ -8,15 +8,15 @@ use crate::solver::RadiositySystem;
 
 /// The exact solution of a system, by a factorisation and refinement with residuals in twice the precision.
 pub(super) struct Oracle {
-    /// B*, W·m⁻², \[n, c\].
+    /// The radiosities B*, W·m⁻², \[n, c\].
     pub(super) radiosity: Block,
-    /// For each channel sqrt(Σ A v²), v = G⁻¹ 1: with |r| ≤ m the error is at most m times that, if G is an M-matrix.
+    /// The factor sqrt(Σ A v²) for each channel, v = G⁻¹ 1: with |r| ≤ m the error is at most m times that, if G is an M-matrix.
     pub(super) amplification: Vec<f64>,
-    /// Whether G⁻¹ 1 ≥ 0 in every channel: else G is no M-matrix, and the system not one of light.
+    /// True if G⁻¹ 1 ≥ 0 in every channel: otherwise G is not an M-matrix, and the system not one of light.
     pub(super) of_light: bool,
 }
 
-/// Steps of refinement; each gains as many digits as the factorisation has, at least four at 1 − ρ = 1e-12.
+/// The steps of refinement; each gains as many digits as the factorisation has, at least four at 1 − ρ = 1e-12.
 const STEPS: usize = 6;
 
 impl Oracle {
@@ -40,7 +40,7 @@ impl Oracle {
                         sum.add(exitance(i));
                         sum.add(-b[i]);
                         for (j, f) in rows[i].iter().enumerate() {
-                            // ρ F is rounded in `entry` and not here: only the factorisation is less exact for it.
+                            // The product ρ F is rounded in `entry`, but not here: only the factorisation is less accurate for it.
                             sum.add_product3(rho(i), *f, b[j]);
                         }
                         for (j, value) in b.iter().enumerate().filter(|_| white) {

@@ -1,4 +1,4 @@
-//! The table as report, tables, plot and JSON.
+//! The report, tables, plot and JSON of the table.
 
 use std::fmt::Write as _;
 
@@ -47,7 +47,7 @@ pub struct CaseTimes<'a> {
 }
 
 impl Stability {
-    /// Returns the report, files and document; `settings` is what they were made with.
+    /// Returns the report, files and document; `settings` are those of the run.
     ///
     /// # Errors
     /// [`ExperimentError::Plot`].
@@ -84,7 +84,7 @@ fn files(result: &Stability, settings: &Settings) -> Result<Files, ExperimentErr
     ])
 }
 
-/// Returns the report; files leave out the times, so that equal work gives equal bytes.
+/// Returns the report; files omit the times, so that equal work gives equal bytes.
 fn report(result: &Stability, with_times: bool) -> String {
     let count = |verdict: Verdict| result.cells.iter().filter(|cell| cell.verdict == verdict).count();
     let mut text = String::from("# Solvers on stiff, extreme and impossible systems\n\n");

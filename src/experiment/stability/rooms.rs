@@ -21,7 +21,7 @@ pub(super) fn cube(edge: f64, n: u32) -> Vec<[DVec3; 4]> {
     cuboid(DVec3::splat(edge), n)
 }
 
-/// As [`cube`], with an edge of its own along each axis.
+/// Returns the patches of a cuboid with the given edges, n × n on each side, like [`cube`].
 pub(super) fn cuboid(edges: DVec3, n: u32) -> Vec<[DVec3; 4]> {
     let [x, y, z] = [DVec3::X * edges.x, DVec3::Y * edges.y, DVec3::Z * edges.z];
     let o = DVec3::ZERO;
@@ -63,7 +63,7 @@ pub(super) fn form_factors(
     Ok(FormFactors::from_exchange_tiles(areas, [upper], storage)?)
 }
 
-/// Returns the form factors of the parts of a sphere's inside: F_ij = A_j / Σ A, whatever their shape.
+/// Returns the form factors of the parts of a sphere's inside: F_ij = A_j / Σ A, for any shape.
 pub(super) fn sphere(areas: Vec<f64>) -> Result<FormFactors, ExperimentError> {
     let total: f64 = areas.iter().sum();
     let mut upper = RowTile::new(0);
@@ -79,7 +79,7 @@ pub(super) fn sphere(areas: Vec<f64>) -> Result<FormFactors, ExperimentError> {
     )?)
 }
 
-/// Returns rooms side by side that see nothing of one another.
+/// Returns separate rooms, mutually hidden.
 pub(super) fn side_by_side(rooms: &[&FormFactors]) -> Result<FormFactors, ExperimentError> {
     let areas: Vec<f64> = rooms.iter().flat_map(|room| room.areas().iter().copied()).collect();
     let mut upper = RowTile::new(0);
@@ -102,7 +102,7 @@ pub(super) fn side_by_side(rooms: &[&FormFactors]) -> Result<FormFactors, Experi
     )?)
 }
 
-/// Returns what shooting `n_rays` rays from every patch of a closed room finds: row i is a sample of n_rays draws with the probabilities F_ij.
+/// Returns the result of shooting `n_rays` rays from every patch of a closed room: row i is a sample of n_rays draws with the probabilities F_ij.
 pub(super) fn shot(room: &FormFactors, n_rays: u32, seed: u64) -> Result<FormFactors, ExperimentError> {
     let n = room.n_rows();
     let mut tile = RowTile::new(0);

@@ -3,7 +3,7 @@ use crate::matrix::{FormFactors, RowTally, RowTile, StorageChoice};
 
 const GIB: u64 = 1 << 30;
 
-/// 20000 patches that all see all: 3.2 GB of f64 and 1.6 GB of errors in full, half of that symmetric.
+/// Returns the demand of 20000 patches that all see each other: 3.2 GB of f64 and 1.6 GB of errors in full, half of that symmetric.
 fn demand() -> StorageDemand {
     StorageDemand {
         n_patches: 20_000,
@@ -95,7 +95,7 @@ fn memory_comes_first_then_f32_then_the_disk() {
         ..demand()
     };
     assert_eq!(chosen(tight), (Precision::F32, false));
-    // A tenth of this tolerance is below what the rounding of equal patches was measured to amount to.
+    // A tenth of this tolerance is below the measured effect of rounding equal patches.
     let near = StorageDemand {
         accuracy: Some(Accuracy {
             absorption_min: 0.5,
@@ -176,7 +176,7 @@ fn a_repair_and_rows_of_few_entries_count() {
     assert!((2.9..3.1).contains(&three), "{three}");
     let sparse = StorageDemand { density: 0.1, ..rows };
     let share = total(&sparse) as f64 / total(&rows) as f64;
-    // Rows that are half full take as much as whole ones.
+    // Rows that are half full take as much as full ones.
     assert!((0.20..0.25).contains(&share), "{share}");
 }
 
@@ -184,7 +184,7 @@ fn a_repair_and_rows_of_few_entries_count() {
 fn no_matrix_takes_more_than_the_estimate() {
     for (by_rows, full_to) in [(false, 0), (true, 0), (false, 256), (true, 256)] {
         for one_in in [100, 8, 3, 2, 1] {
-            // The first columns are full, the others have one in so many of their entries.
+            // The first columns are full, the others have one in `one_in` of their entries.
             let n = 512;
             let has = |i: usize, j: usize| j < full_to || (i * 31 + j * 17).is_multiple_of(one_in);
             let tiles = (0..n).step_by(64).map(|first| {

@@ -13,32 +13,32 @@ pub(super) type Material = ([f64; 3], [f64; 3]);
 pub(super) enum PixelAnswer {
     /// No sample of the pixel is on a surface.
     Background,
-    /// Which samples are on which surface depends on rounding.
+    /// The surfaces of some samples depend on rounding.
     Border,
-    /// All samples see the same for certain.
+    /// The surfaces of all samples are certain.
     Surface(Box<Shown>),
 }
 
 /// The content of a pixel.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Shown {
-    /// The mean reflectance over the samples, backs counting as 0, where it is known.
+    /// The mean reflectance over the samples, backs counting as 0, if known.
     pub(super) albedo: Option<[f64; 3]>,
-    /// The surface, where all samples show one.
+    /// The surface, if all samples show the same.
     pub(super) surface: Option<SurfaceId>,
-    /// The number of the plane, where all samples show one.
+    /// The number of the plane, if all samples show the same.
     pub(super) plane: Option<u32>,
-    /// The material, where all samples show one.
+    /// The material, if all samples show the same.
     pub(super) material: Option<Material>,
-    /// The exact direct irradiance, and its change over the rays' offset, where it is known.
+    /// The exact direct irradiance, and its change over the rays' offset, if known.
     pub(super) irradiance: Option<Lit>,
-    /// Whether something hides a part of an emitter.
+    /// True if an occluder hides a part of an emitter.
     pub(super) shaded: bool,
-    /// The result of the picture's own shadow rays, where an emitter is hidden in part and they decide.
+    /// The result of the image's own shadow rays, where an emitter is partially visible and they decide.
     pub(super) drawn: Option<Drawn>,
-    /// How far the rounding of corners may change the irradiance.
+    /// The greatest change of the irradiance by the rounding of corners.
     pub(super) rounding: [f64; 3],
-    /// Whether a sample shows the front of a face: all others are black, whatever the light.
+    /// True if a sample shows the front of a face: all other pixels are black, whatever the light.
     pub(super) front: bool,
 }
 
@@ -47,7 +47,7 @@ impl PixelAnswer {
         !matches!(self, Self::Background)
     }
 
-    /// Returns whether the pixel shows backs of faces, and no front: it is black, and says nothing of the light.
+    /// Returns whether the pixel shows only backs of faces: it is black, whatever the light.
     pub(super) fn is_back(&self) -> bool {
         self.shown().is_some_and(|shown| !shown.front)
     }
@@ -79,16 +79,16 @@ impl PixelAnswer {
 /// The content of the centre of a pixel.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Centre {
-    /// That depends on rounding.
+    /// Unknown: it depends on rounding.
     Unsure,
     Nothing,
     Face {
         /// The number of the face, or of another one in its plane if it is not `alone`.
         face: u32,
-        /// Whether no other face of its plane is near.
+        /// True if no other face of its plane is near.
         alone: bool,
         point: DVec3,
-        /// How far rounding may move the point, in m.
+        /// The greatest movement of the point by rounding, in m.
         slack: f64,
     },
 }

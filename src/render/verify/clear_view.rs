@@ -23,12 +23,12 @@ impl Plate {
         self.corners == other.corners
     }
 
-    /// Returns how far inside of its edges a point of its plane is, in m; less than 0 outside.
+    /// Returns the distance of a point of its plane inside of its edges, in m; less than 0 outside.
     pub(super) fn depth(&self, point: DVec3) -> f64 {
         let of_edge = |k: usize| {
             let edge = self.corners[(k + 1) % self.corners.len()] - self.corners[k];
             let height = self.normal.dot(edge.cross(point - self.corners[k]));
-            // Two corners in one place have no edge.
+            // Two equal corners have no edge.
             if edge == DVec3::ZERO {
                 f64::INFINITY
             } else {
@@ -39,15 +39,15 @@ impl Plate {
     }
 }
 
-/// Which side of a plane points lie on; a point within the slack lies on both.
+/// Returns whether no point lies above a plane by more than the slack.
 fn none_above(points: &[DVec3], origin: DVec3, normal: DVec3, slack: f64) -> bool {
     points.iter().all(|&v| normal.dot(v - origin) <= slack)
 }
 
 /// Returns true if the occluder is sure to hide no part of the emitter from any point of a flat region with the given normal.
 ///
-/// It lies behind the region's plane, or behind the emitter's, or region and emitter lie on one side of it. What sticks out by less
-/// than `slack` counts as not there. False means that it may or may not.
+/// It lies behind the region's plane, or behind the emitter's, or region and emitter lie on one side of it. Parts that protrude by less
+/// than `slack` are ignored. False means that the occluder may or may not hide a part.
 pub(super) fn misses_region(occluder: &Plate, region: &[DVec3], normal: DVec3, emitter: &Plate, slack: f64) -> bool {
     let same_side = |sign: f64| {
         let (origin, away) = (occluder.corners[0], occluder.normal * -sign);
@@ -61,8 +61,8 @@ pub(super) fn misses_region(occluder: &Plate, region: &[DVec3], normal: DVec3, e
 
 /// Returns true if none of the convex occluders hides any part of the emitter that lies above the point's horizon.
 ///
-/// For each one a plane is sought between it and the pyramid of point and emitter: those of [`misses_region`], the pyramid's sides,
-/// and the planes of the point and one of the occluder's edges. These are complete but for occluders that cross the horizon or the emitter's plane.
+/// For each one a separating plane is sought between it and the pyramid of point and emitter: those of [`misses_region`], the pyramid's sides,
+/// and the planes of the point and one of the occluder's edges. These suffice except for occluders that cross the horizon or the emitter's plane.
 pub(super) fn is_clear<'a>(
     point: DVec3,
     normal: DVec3,
@@ -78,7 +78,7 @@ pub(super) fn is_clear<'a>(
     })
 }
 
-/// Returns true if the plane of the point and one edge of `owner` has all of `owner` on one side and all of `other` on the other.
+/// Returns true if the plane of the point and one edge of `owner` separates `owner` from `other`.
 fn side_separates(point: DVec3, owner: &[DVec3], other: &[DVec3], slack: f64) -> bool {
     (0..owner.len()).any(|k| {
         let side = (owner[k] - point)
@@ -97,7 +97,7 @@ mod tests {
 
     const SLACK: f64 = 1e-12;
 
-    /// A square of half side h around c, facing down.
+    /// Returns a square of half side h around c, facing down.
     fn down(c: DVec3, h: f64) -> Plate {
         let corner = |x: f64, y: f64| c + DVec3::new(x * h, y * h, 0.0);
         Plate::new(vec![

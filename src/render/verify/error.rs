@@ -1,4 +1,4 @@
-//! Why an image cannot be verified.
+//! Errors of the verification of images.
 
 use thiserror::Error;
 
@@ -21,13 +21,13 @@ pub enum VerifyError {
     /// The image shows the light of a sun or a sky.
     #[error("the image shows daylight, of which no closed form is known; render it without sun and sky to verify it")]
     Daylight,
-    /// The image does not say which camera made it.
+    /// The file does not describe its camera.
     #[error("the image's description of its camera cannot be used: {}", quoted(.0))]
     BadCamera(String),
     /// A layer is missing.
     #[error("the image has no layer \"{}\"", quoted(.0))]
     MissingLayer(String),
-    /// A pixel has another number of samples than the settings allow.
+    /// A pixel has a number of samples that the settings do not allow.
     #[error("the layer \"pixel_samples\" has a wrong number for pixel {pixel}: the image is damaged")]
     BadSamples {
         /// The pixel, counted along the rows from the upper left one.
@@ -36,10 +36,10 @@ pub enum VerifyError {
     /// The description of the tiles does not fit the image or the scene.
     #[error("the image's description of its tiles does not fit it: {}", quoted(.0))]
     BadLayout(String),
-    /// The description of the scene is none.
+    /// The description of the scene makes no scene.
     #[error("the image's description of its scene cannot be used: {}", quoted(.0))]
     BadScene(String),
-    /// The surface of a field is none of the scene's.
+    /// The surface of a field does not belong to the scene.
     #[error("the form factors are to \"{}\", which is no surface of the image's scene", quoted(.0))]
     NoSuchSurface(String),
     /// No surface has an exitance.

@@ -11,13 +11,13 @@ use super::region::{Region, contains};
 use super::size::Size;
 use crate::scene::SurfaceId;
 
-/// How far, relative to the scene's size, a ray is moved to find out whether rounding to f32 (6e-8) may turn it to another face.
+/// The shift of a ray, relative to the scene's size, that shows whether rounding to f32 (6e-8) may change the face that it meets.
 const SHIFT: f64 = 1e-6;
 
-/// The least cosine between a ray and a normal at which the place on the face is sure, and found in f64 by the renderer as well.
+/// The least cosine between a ray and a normal at which the position on the face is certain, and computed in f64 by the renderer as well.
 const MIN_COSINE: f64 = 0.01;
 
-/// A face and what it belongs to.
+/// The surface and the plane of a face.
 struct Owner {
     surface: SurfaceId,
     material: Material,
@@ -29,7 +29,7 @@ struct Owner {
 pub(super) struct Faces<'a> {
     reference: &'a Reference<'a>,
     owners: Vec<Owner>,
-    /// The view from each face's points, found when it is first wanted.
+    /// The emitters seen from each face's points, computed on first use.
     regions: Vec<OnceLock<Region<'a>>>,
     size: Size,
 }
@@ -42,15 +42,15 @@ pub(super) struct Hit {
     pub(super) point: DVec3,
     t: f64,
     pub(super) cosine: f64,
-    /// Whether rays beside this one meet the same face, not another of its plane.
+    /// True if adjacent rays meet the same face, rather than another of its plane.
     pub(super) alone: bool,
 }
 
-/// The hit of a ray, as far as rounding leaves no doubt.
+/// The hit of a ray, unless rounding leaves it in doubt.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Seen {
     Nothing,
-    /// Which face, or where on it, depends on rounding.
+    /// The face, or the position on it, depends on rounding.
     Unsure,
     Face(Hit),
 }
@@ -101,7 +101,7 @@ impl<'a> Faces<'a> {
         self.owners[face].material
     }
 
-    /// Returns how far rounding in f64 may move the point where a ray meets a face, in m.
+    /// Returns the greatest movement of the hit point by rounding in f64, in m.
     pub(super) fn slack(&self, hit: &Hit) -> f64 {
         (1e-12 * self.size.extent + self.size.rounding()) / hit.cosine
     }
@@ -113,13 +113,13 @@ impl<'a> Faces<'a> {
         })
     }
 
-    /// Returns the faces that some ray inside a pyramid may meet; the rays along its edges are given in order, around `middle`.
+    /// Returns the faces that rays inside a pyramid may meet; the rays along its edges are given in order, around `middle`.
     pub(super) fn inside(&self, eye: DVec3, edges: [DVec3; 4], middle: DVec3) -> Vec<usize> {
         let sides: [DVec3; 4] = std::array::from_fn(|k| {
             let side = edges[k].cross(edges[(k + 1) % 4]).normalize_or_zero();
             side * side.dot(middle).signum()
         });
-        // Rays beside those inside are moved by one shift where they start, and by another for every unit of their length.
+        // Adjacent rays are shifted at their origins, and by another shift for every unit of their length.
         let slack = 16.0 * SHIFT * self.size.extent;
         let misses = |plate: &Plate| {
             let reach = |side: &DVec3| {
@@ -135,9 +135,9 @@ impl<'a> Faces<'a> {
         plates.filter(|(_, plate)| !misses(plate)).map(|(k, _)| k).collect()
     }
 
-    /// Returns what a ray of unit direction sees among the candidates.
+    /// Returns the hit of a ray of unit direction among the candidates.
     ///
-    /// It is sure if four rays beside it see the same plane's same side, or all nothing: in between no face that is wider than the shift can begin or end.
+    /// It is certain if four adjacent rays meet the same side of the same plane, or all meet nothing: no face that is wider than the shift can then begin or end between them.
     pub(super) fn look(&self, candidates: &[usize], origin: DVec3, direction: DVec3) -> Seen {
         let mut first = self.closest(candidates, origin, direction);
         let (a, b) = direction.any_orthonormal_pair();
@@ -164,7 +164,7 @@ impl<'a> Faces<'a> {
         }
     }
 
-    /// Returns the first face along a ray; of two coincident ones that which turns its front to it.
+    /// Returns the first face along a ray; of two coincident ones, that with its front towards the origin.
     fn closest(&self, candidates: &[usize], origin: DVec3, direction: DVec3) -> Option<Hit> {
         let tie = 1e-9 * self.size.extent + self.size.rounding();
         let mut best: Option<Hit> = None;

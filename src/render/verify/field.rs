@@ -1,4 +1,4 @@
-//! Fields of form factors as irradiances.
+//! Converts fields of form factors to irradiances.
 
 use super::error::VerifyError;
 use crate::render::attributes::Attributes;

@@ -9,7 +9,7 @@ use super::tolerance;
 use crate::geometry::polygon;
 use crate::render::unfolded::Tile;
 
-/// How many expected hits a wall needs before its errors' own spread is trusted.
+/// The expected number of hits of a wall from which the spread of its errors is used.
 const MIN_HITS: f64 = 1000.0;
 
 /// Sums over all pixels.
@@ -65,7 +65,7 @@ struct GroupMean {
     /// The mean error.
     error: f64,
     statistical: f64,
-    /// Statistical, offset and rounding.
+    /// The statistical, offset and rounding parts of the tolerance.
     tolerance: f64,
 }
 
@@ -77,7 +77,7 @@ impl GroupMean {
         log_odds: f64,
     ) -> Self {
         let (mut group, mut squares, mut offset, mut rounding) = (Self::default(), 0.0, 0.0, 0.0);
-        // What shadow rays that were drawn again are off by, how many they are, and their bias.
+        // The error of redrawn shadow rays, their number, and their bias.
         let (mut known, mut n_mixed, mut bias) = (0.0, 0.0, 0.0);
         for (answer, judged) in pixels {
             let Some((exact, change)) = answer.irradiance() else {
@@ -103,7 +103,7 @@ impl GroupMean {
             group.statistical = group.statistical.min(tolerance::self_normalised(squares, m, log_odds));
         }
         if known > 0.0 {
-            // That the rays find the truth in the mean is not known from drawing them again.
+            // Drawing the rays again does not show that their mean is right.
             let by_spread = tolerance::self_normalised(squares, m, log_odds) + bias / m;
             let is_trusted = n_mixed >= MIN_HITS;
             group.statistical = if is_trusted {
@@ -133,7 +133,7 @@ pub(super) fn count_wrong_strips(sheet: &Sheet, judged: &[Judged], reference: &R
     wrong_rows + wrong_columns
 }
 
-/// The report on a tile of an unfolded view.
+/// Returns the report on a tile of an unfolded view.
 pub(super) fn tile_report(
     tile: &Tile,
     sheet: &Sheet,
@@ -156,7 +156,7 @@ pub(super) fn tile_report(
     report
 }
 
-/// The report on pixels that show one surface.
+/// Returns the report on pixels that show one surface.
 pub(super) fn part_report<'a>(
     name: &str,
     pixels: &(impl Iterator<Item = (&'a PixelAnswer, &'a Judged)> + Clone),

@@ -1,4 +1,4 @@
-//! Pixels of an image against their answers.
+//! Compares the pixels of an image with their expected content.
 
 use super::answer::{Centre, PixelAnswer};
 use super::error::VerifyError;
@@ -16,13 +16,13 @@ type Triple<'a> = [&'a [f32]; 3];
 const RGB: [char; 3] = ['R', 'G', 'B'];
 const XYZ: [char; 3] = ['X', 'Y', 'Z'];
 
-/// The layers that verification looks at.
+/// The layers that verification uses.
 pub(super) struct Layers<'a> {
     width: usize,
     n_pixels: usize,
     limits: Limits,
     direct: Triple<'a>,
-    /// Irradiance, radiosity and radiance, where the image has them.
+    /// Irradiance, radiosity and radiance, if the image has them.
     light: Option<[Triple<'a>; 3]>,
     position: Triple<'a>,
     albedo: Option<Triple<'a>>,
@@ -39,15 +39,15 @@ pub(super) struct Layers<'a> {
     pub(super) reports: Vec<LayerReport>,
 }
 
-/// One pixel, judged.
+/// The result of one pixel.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Judged {
     pub(super) outside: bool,
     pub(super) misplaced: bool,
     pub(super) inconsistent: bool,
-    /// Image minus exact answer.
+    /// The value in the image minus the exact one.
     pub(super) error: [f64; 3],
-    /// Statistical, offset, rounding.
+    /// The statistical, offset and rounding parts of the tolerance.
     pub(super) parts: [[f64; 3]; 3],
 }
 
@@ -63,7 +63,7 @@ impl<'a> Layers<'a> {
     pub(super) fn new(image: &'a Image, reference: &Reference<'_>) -> Result<Self, VerifyError> {
         let is_field = reference.attributes().field.is_some();
         let rgb = |prefix| triple(image, channel_names(prefix, RGB));
-        // The form factors of a field are one channel that stands for all three.
+        // The form factors of a field are one channel, used for all three.
         let (direct, light, noise) = if is_field {
             let noise = image.f32("error").map(|error| [error; 3]);
             (triple(image, ["Y"; 3].map(str::to_owned))?, None, noise)
@@ -101,7 +101,7 @@ impl<'a> Layers<'a> {
         Ok(layers)
     }
 
-    /// Returns how each layer is checked, in the order of what the check proves.
+    /// Returns the check of each layer, in the order of the strength of the checks.
     fn how_checked(&self, reference: &Reference<'_>, (error, variance): (bool, bool)) -> Vec<LayerReport> {
         let is_field = self.light.is_none();
         let noise = if is_field { "error" } else { "direct_error" };
@@ -145,7 +145,7 @@ impl<'a> Layers<'a> {
             .collect()
     }
 
-    /// Judges pixel k of a sheet.
+    /// Checks pixel k of a sheet.
     pub(super) fn judge(
         &self,
         sheet: &Sheet,
@@ -201,7 +201,7 @@ impl<'a> Layers<'a> {
         judged
     }
 
-    /// Judges a pixel whose shadow rays were drawn again: what they find is no chance.
+    /// Checks a pixel whose shadow rays were drawn again, so that their result has no noise.
     fn judge_drawn(&self, judged: &mut Judged, index: usize, drawn: &Drawn, reference: &Reference<'_>) {
         judged.outside = false;
         for c in 0..3 {
@@ -218,7 +218,7 @@ impl<'a> Layers<'a> {
         }
     }
 
-    /// Counts the pixels beside all sheets that are not background.
+    /// Counts the pixels outside of all sheets that are not background.
     pub(super) fn count_wrong_gaps(&self, sheets: &[Sheet]) -> usize {
         let mut is_covered = vec![false; self.n_pixels];
         for sheet in sheets {
@@ -231,10 +231,10 @@ impl<'a> Layers<'a> {
             .count()
     }
 
-    /// Returns whether position, normal, depth and patch are those of what the pixel's centre shows.
+    /// Returns whether position, normal, depth and patch are those of the pixel's centre.
     fn is_placed(&self, sheet: &Sheet, k: usize, index: usize, reference: &Reference<'_>) -> bool {
         let (face, point, slack) = match sheet.centres[k] {
-            // Where it is, is not sure; a number it must be.
+            // The position is uncertain, but must be a number.
             Centre::Unsure => {
                 let triples = [Some(self.position), self.normal, self.depth.map(|depth| [depth; 3])];
                 return triples
@@ -249,7 +249,7 @@ impl<'a> Layers<'a> {
         let plate = &reference.plates()[face as usize];
         let depth = sheet.view.map_or(0.0, |(eye, axis)| axis.dot(point - eye));
         let is_at = |c: usize| Rounding::F32.allows(f64::from(self.position[c][index]), point[c], slack);
-        // Normals may be halved in a field as well, whose form factors are not.
+        // Normals may be stored as f16 even in a field, whose form factors are not.
         let halved = Rounding::of(reference.attributes().pixels);
         let looks = |normal: &Triple<'_>, c: usize| halved.allows(f64::from(normal[c][index]), plate.normal[c], 1e-9);
         (0..3).all(is_at)
@@ -260,7 +260,7 @@ impl<'a> Layers<'a> {
             && self.patch.is_none_or(|patch| patch[index] != u32::MAX)
     }
 
-    /// Returns whether position, normal, depth and patch are those of a centre that shows nothing.
+    /// Returns whether position, normal, depth and patch are those of background.
     fn shows_nothing(&self, index: usize) -> bool {
         let triples = [Some(self.position), self.normal, self.depth.map(|depth| [depth; 3])];
         triples.iter().flatten().all(|channels| is_zero(channels, index))
@@ -275,7 +275,7 @@ impl<'a> Layers<'a> {
         all.all(|channels| is_zero(channels, index)) && self.samples.is_none_or(|samples| samples[index] == 0)
     }
 
-    /// Returns whether a pixel's light lies between the bounds that hold for any pixel of the scene, and its radiance is radiosity/π.
+    /// Returns whether a pixel's light is within the bounds of all pixels of the scene, and its radiance is radiosity/π.
     fn is_possible(&self, index: usize, reference: &Reference<'_>) -> bool {
         let limits = &self.limits;
         let rounding = reference.layer_rounding();
@@ -320,7 +320,7 @@ fn triple(image: &Image, names: [String; 3]) -> Result<Triple<'_>, VerifyError> 
     Ok(found)
 }
 
-/// Returns three channels if the image has any of them; it must then have all.
+/// Returns three channels, or `None` if the image has none of them; it must have all or none.
 fn if_given<'a>(image: &'a Image, prefix: &str, suffixes: [char; 3]) -> Result<Option<Triple<'a>>, VerifyError> {
     let names = channel_names(prefix, suffixes);
     let is_given = names.iter().any(|name| image.f32(name).is_some());

@@ -5,31 +5,31 @@ use super::shadow_rays::Fraction;
 /// The irradiance at a point, and its change over the rays' offset.
 pub(super) type Lit = ([f64; 3], [f64; 3]);
 
-/// The direct irradiance as the picture's own shadow rays find it, per channel.
+/// The direct irradiance by the image's own shadow rays, per channel.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Drawn {
-    /// The least and the greatest value; rounding decides between the two.
+    /// The least and the greatest value: rounding decides within this range.
     pub(super) range: [[f64; 3]; 2],
-    /// The standard error that the picture must state; `None` where rounding decides.
+    /// The standard error that the image must state; `None` where rounding decides.
     pub(super) error: Option<[f64; 3]>,
     /// The bias, to leading order and without its sign.
     pub(super) bias: [f64; 3],
-    /// x, if rays find this or worse with a probability of exp(−x) at most.
+    /// The number x such that rays find this or worse with a probability of at most exp(−x).
     pub(super) odds: f64,
-    /// V (1 − V) summed over all rays, V the true visible fraction: how many can be told from all others.
+    /// The sum of V (1 − V) over all rays, V the true visible fraction: the effective number of rays of uncertain outcome.
     pub(super) n_mixed: f64,
 }
 
-/// The direct light of a pixel, while it is summed.
+/// The direct light of a pixel, during summation.
 #[derive(Default)]
 pub(super) struct Light {
     pub(super) exact: [f64; 3],
     /// The irradiance where the rays start.
     pub(super) moved: [f64; 3],
-    /// How far the rounding of corners may change it.
+    /// Its greatest change by the rounding of corners.
     pub(super) rounding: [f64; 3],
     pub(super) shaded: bool,
-    /// Whether the image's method is not exact at a sample.
+    /// True if the image's method is not exact at a sample.
     pub(super) unknown: bool,
     n_drawn: u32,
     odds: f64,
@@ -46,14 +46,14 @@ impl Light {
         (!self.unknown).then_some((self.exact, change))
     }
 
-    /// Adds what the rounding of corners may change of a form factor, times the sample's share.
+    /// Adds the change of a form factor by the rounding of corners, times the sample's share.
     pub(super) fn add_rounding(&mut self, change: f64, exitance: &[f64; 3]) {
         for (sum, e) in self.rounding.iter_mut().zip(exitance) {
             *sum += change * e;
         }
     }
 
-    /// Counts shadow rays that were drawn, and how many can be told from all others.
+    /// Counts redrawn shadow rays, and their effective number of uncertain outcome.
     pub(super) fn count_drawn(&mut self, found: &Fraction, n_mixed: f64) {
         self.n_drawn += 1;
         self.n_mixed += n_mixed;
@@ -61,7 +61,7 @@ impl Light {
         self.undecided |= found.variance.is_none();
     }
 
-    /// Adds an emitter to one channel as shadow rays see it: all of it where none were drawn.
+    /// Adds the part of an emitter that shadow rays find to one channel; all of it where none were drawn.
     pub(super) fn add_drawn(&mut self, c: usize, whole: f64, drawn: Option<&Fraction>) {
         let [low, high] = drawn.map_or([1.0; 2], |fraction| fraction.range);
         self.range[0][c] += whole * low;
@@ -77,7 +77,7 @@ impl Light {
             range: self.range,
             error: (!self.undecided).then(|| self.variance.map(f64::sqrt)),
             bias: self.bias,
-            // Any of them may be the worst.
+            // The worst of all drawn fractions counts.
             odds: self.odds - f64::from(self.n_drawn).ln(),
             n_mixed: self.n_mixed,
         })

@@ -1,27 +1,27 @@
-//! Bounds that hold for every pixel of a picture, whatever its patches are.
+//! Bounds of all pixels of an image, independent of its patches.
 
 use super::points::Reference;
 use crate::render::attributes::PolygonRecord;
 use crate::render::direct::DirectMethod;
 
-/// How far interpolated light may leave its bounds, as a share of them, where the file states its error: room for the solver's own tolerance.
+/// The relative excess over its bounds allowed to interpolated light where the file states its error; it covers the solver's own tolerance.
 const STATED: f64 = 0.01;
 
-/// The same where it states none: rough form factors have rows whose sum is well above 1.
+/// The same where the file states no error: rough form factors have rows whose sum is well above 1.
 const UNSTATED: f64 = 10.0;
 
-/// How far irradiance may fall below the direct light, as a share of the largest exitance, where no error is stated.
+/// The difference by which irradiance may fall below the direct light, as a share of the largest exitance, where no error is stated.
 const UNSTATED_BELOW: f64 = 0.05;
 
 /// The upper bound of a pixel's light, channel by channel.
 pub(super) struct Limits {
-    /// The most direct irradiance.
+    /// The greatest direct irradiance.
     pub(super) direct: [f64; 3],
-    /// The most that its standard error can be.
+    /// The greatest standard error of the direct irradiance.
     pub(super) noise: [f64; 3],
-    /// The most irradiance: that of a furnace, max E / (1 - ρ), and what errors may add; infinite where an emitter reflects everything.
+    /// The greatest irradiance: that of a furnace, max E / (1 - ρ), with an allowance for errors; infinite where an emitter reflects everything.
     pub(super) irradiance: [f64; 3],
-    /// How far irradiance may fall below the direct light by an error of the solution.
+    /// The difference by which irradiance may fall below the direct light, by an error of the solution.
     pub(super) slack: [f64; 3],
     /// The largest exitance.
     pub(super) exitance: [f64; 3],
@@ -30,14 +30,14 @@ pub(super) struct Limits {
 }
 
 impl Limits {
-    /// Returns the bounds of a scene; `error` is what the image states of its solution's error.
+    /// Returns the bounds of a scene; `error` is the error of the solution that the image states.
     pub(super) fn new(reference: &Reference<'_>, error: Option<[&[f32]; 3]>) -> Self {
         let attributes = reference.attributes();
         let records = || attributes.surfaces.iter().flat_map(|surface| &surface.polygons);
         let most = |of: &dyn Fn(&PolygonRecord) -> f64| records().map(of).fold(0.0, f64::max);
         let brightest = [0, 1, 2].map(|c| most(&|record| record.exitance[c]));
         let total = [0, 1, 2].map(|c| records().map(|record| record.exitance[c]).sum());
-        // Where each emitter's visibility is estimated by itself, two that hide each other may both count.
+        // A method that estimates each emitter's visibility separately may count two that hide each other.
         let direct = match attributes.render.direct {
             DirectMethod::Polygons { .. } => total,
             _ => brightest,
@@ -60,7 +60,7 @@ impl Limits {
                 None if reference.nothing_reflects() => furnace,
                 None => UNSTATED * furnace,
             };
-            // Where methods count direct light twice, so does their irradiance.
+            // Methods that count direct light twice do so in the irradiance as well.
             own + (direct[c] - brightest[c]) + 1e-6 * any
         });
         let slack = [0, 1, 2].map(|c| match stated {

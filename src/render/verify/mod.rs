@@ -1,4 +1,4 @@
-//! An image against the analytic answer of the scene that it was made from.
+//! Compares an image with the analytic solution of the scene that it describes.
 
 mod answer;
 mod clear_view;
@@ -44,27 +44,32 @@ use sheet::Sheet;
 /// The probability with which a correct image may fail.
 const FALSE_ALARM: f64 = 1e-6;
 
-/// Verifies an EXR file: its direct irradiance, pixel by pixel and wall by wall, against the closed forms.
+/// Verifies the direct irradiance of an EXR file, pixel by pixel and wall by wall, against closed forms.
 ///
 /// In the scene that the file describes, the direct irradiance at a point is Σ_j E_j F(x → j), F Lambert's
-/// [form factor](crate::geometry::point_form_factor::point_form_factor), wherever the point sees every emitter j unhindered; this is proven per pixel in f64. Where it
-/// cannot be, j is [clipped](crate::form_factor::partial::VisibleFactor) against its occluders. Where a pixel then depends on a few shadow rays to points of j, these are drawn again from the
-/// file's settings and seed and traced in f64: the image must show what they find, and state their standard error, but for rays within 1e-6 of the scene's size of an edge; and the visible fraction that they find must
-/// be possible for the true one. Where emitters of several surfaces share the rays' stream, in an order that the file does not tell, the pixel is counted and left out, as is one that touches an
-/// occluder. Where coordinates were rounded, as in files with six decimals, faces that were meant to touch do not stand in each other's way, by the rule of
-/// [`OccluderIndex`](crate::visibility::occluders::OccluderIndex); a pixel may differ by as much as its answer then differs from that with the corners as they are, and by what bent faces make of it. Where that is
-/// more than a hundredth of the form factor, it is left out: [`VerifyReport::complete`] tells whether any is. A [field](super::field()) of form factors is the irradiance in the scene in which its surface alone emits, 1 W·m⁻².
+/// [form factor](crate::geometry::point_form_factor::point_form_factor), wherever no occluder hides a part of an emitter j; this is proven per pixel in f64. Otherwise,
+/// j is [clipped](crate::form_factor::partial::VisibleFactor) against its occluders.
+///
+/// Where a pixel then depends on a few shadow rays to points of j, these are drawn again from the file's settings and seed and traced in f64. The image must show their result, and state their
+/// standard error, except for rays within 1e-6 of the scene's size of an edge; and the visible fraction that they find must be compatible with the true one. Where emitters of several surfaces share
+/// the rays' stream, in an order that the file does not contain, the pixel is counted and left out, as is one that touches an occluder.
+///
+/// Where coordinates were rounded, as in files with six decimals, faces that were meant to touch do not occlude each other, by the rule of
+/// [`OccluderIndex`](crate::visibility::occluders::OccluderIndex). The tolerance of a pixel includes the difference to the answer with the corners as they are, and the effect of bent faces. Where
+/// that is more than a hundredth of the form factor, the pixel is left out: [`VerifyReport::complete`] is then false. A [field](super::field()) of form factors is the irradiance in the scene in which
+/// its surface alone emits, 1 W·m⁻².
 ///
 /// The hits of a perspective image's samples are found again in f64, without the image: a pixel with a sample nearer to an edge than 1e-6 of the scene's size is counted and left out.
 ///
-/// The means over rows and columns, of a tile or of the perspective image, are compared as well, where noise hides more of a pixel, and the mean over what is seen of each surface. That over a tile's wall is also compared with Σ_j E_j A_i F_ij / A_i of the
-/// [rectangles](crate::geometry::rectangle::rectangle_exchange_area), or of the [integration](crate::form_factor::partial::exchange_area) to 1e-10 where they are occluded. Beside that, positions, depths, normals and reflectances must be those of
-/// the view and the scene, radiosity and radiance those that follow from the irradiance, and background 0 in all layers. Light that is interpolated or gathered has no closed form: the irradiance must be
-/// at least the direct one and at most that of a furnace, max E / (1 - ρ), within the stated error. [`VerifyReport::layers`] tells of every layer how far it was checked.
+/// The means over rows and columns, of a tile or of the perspective image, and over the visible part of each surface are compared as well, which reduces the noise. That over a tile's wall is also
+/// compared with Σ_j E_j A_i F_ij / A_i of the [rectangles](crate::geometry::rectangle::rectangle_exchange_area), or of the [integration](crate::form_factor::partial::exchange_area) to 1e-10 where
+/// they are occluded. Positions, depths, normals and reflectances must be those of the view and the scene, radiosity and radiance those that follow from the irradiance, and background 0 in all
+/// layers. Interpolated or gathered light has no closed form: the irradiance must be at least the direct one and at most that of a furnace, max E / (1 - ρ), within the stated error.
+/// [`VerifyReport::layers`] lists the check of every layer.
 ///
-/// Tolerances are computed: noise of a direct pass by rays (none for one by polygons, but in the means over its walls) by Hoeffding's bound, at a probability of 1e-6 for any alarm at all in a correct image; for means
-/// also by the errors' own spread, and for a pixel by that of its 24 neighbours (12 times their root mean square), where these are narrower; the rays' start above the surface; rounding to f32.
-/// All pixels together must not scatter more than the rays that the file tells of allow: see [`VerifyReport::deviation`].
+/// Tolerances are computed. They include the noise of a direct pass by rays (none for one by polygons, except in the means over its walls) by Hoeffding's bound, at a total probability of 1e-6 of a
+/// false alarm in a correct image. For means the spread of the errors, and for a pixel that of its 24 neighbours (12 times their root mean square), replace the bound where they are narrower. The
+/// rays' start above the surface and rounding to f32 are added. All pixels together must not scatter more than the stated number of rays allows: see [`VerifyReport::deviation`].
 ///
 /// # Errors
 /// [`VerifyError`] if the file cannot be read, was not rendered with a direct pass, or does not describe its view.
@@ -76,7 +81,7 @@ pub fn verify(path: &Path) -> Result<VerifyReport, VerifyError> {
 /// Verifies an image in memory; see [`verify`].
 ///
 /// # Errors
-/// As [`verify`], but for those of reading a file.
+/// As [`verify`], except errors of reading a file.
 pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyReport, VerifyError> {
     let lit = attributes
         .field
@@ -108,7 +113,7 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
         ViewDescription::Unfolded(layout) => layout.tiles.len(),
         ViewDescription::Perspective(_) => attributes.surfaces.len(),
     };
-    // One quarter of the false alarms each for pixels, strips, walls and the spread; two sides, and two bounds on every mean.
+    // A quarter of the false alarms each for pixels, strips, walls and the spread; two sides, and two bounds on every mean.
     let log_odds = |n: usize| (16.0 * n.max(1) as f64 / FALSE_ALARM).ln();
     let [pixel_odds, strip_odds, wall_odds, spread_odds] = [n_checks, 3 * n_strips, 3 * n_walls, 3].map(log_odds);
 
@@ -195,7 +200,7 @@ fn perspective_sheet(
     Sheet::of_camera(&record, size, n_samples(image, reference)?, reference)
 }
 
-/// Returns how many samples each pixel of a perspective image has, where they differ.
+/// Returns the number of samples of each pixel of a perspective image, if it varies.
 fn n_samples<'a>(image: &'a Image, reference: &Reference<'_>) -> Result<Option<&'a [u32]>, VerifyError> {
     const LAYER: &str = "pixel_samples";
     let attributes = reference.attributes();
@@ -211,7 +216,7 @@ fn n_samples<'a>(image: &'a Image, reference: &Reference<'_>) -> Result<Option<&
     }
 }
 
-/// Refuses daylight, and a scene that is none.
+/// Refuses daylight, and invalid scenes.
 fn check_light(attributes: &Attributes) -> Result<(), VerifyError> {
     let is_given = |key: &&str| !attributes.solution[*key].is_null();
     if ["sun", "sky_irradiance"].iter().any(is_given) {

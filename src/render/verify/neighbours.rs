@@ -1,33 +1,33 @@
-//! How far a pixel may lie from the exact answer, judged by the errors around it.
+//! Tolerances of pixels by the errors of their neighbours.
 
 use super::answer::PixelAnswer;
 use super::layers::Judged;
 use super::points::Reference;
 use super::sheet::Sheet;
 
-/// Pixels on each side of a pixel that are its neighbours: 24 of them.
+/// The distance of the neighbours of a pixel, in pixels: 24 of them.
 const REACH: usize = 2;
 
-/// How many times the root mean square of its neighbours' errors a pixel's may be.
+/// The greatest ratio of a pixel's error to the root mean square of its neighbours' errors.
 ///
-/// Normal errors pass it with a probability of 1e-11 (Student's t, 24 degrees of freedom). In 37 right images of a black cube with one bright wall,
+/// Normal errors exceed it with a probability of 1e-11 (Student's t, 24 degrees of freedom). In 37 correct images of a black cube with one bright wall,
 /// 64 × 64 pixels a wall and 4096 rays a pixel, half of them of either sequence, the largest of 900 000 pixels was 6.2.
 const DEVIATIONS: f64 = 12.0;
 
-/// Rays of a pixel that must be expected to hit emitters, and to miss them, before errors are taken for alike in neighbouring pixels.
+/// The least expected numbers of a pixel's rays that hit emitters, and that miss them, for errors to count as similar in neighbouring pixels.
 const MIN_COUNT: f64 = 30.0;
 
-/// Narrows the statistical part of each pixel's tolerance to what the spread of its neighbours' errors allows.
+/// Reduces the statistical part of each pixel's tolerance to the spread of its neighbours' errors.
 ///
-/// Scrambled points are far better than the bound that is proven for them, but by a factor that depends on where the emitters' outlines lie among the
-/// rays: next to a pixel it is nearly the same.
+/// Scrambled points are far better than their proven bound, by a factor that depends on the outlines of the emitters among the
+/// rays: it is nearly the same in adjacent pixels.
 pub(super) fn narrow(sheet: &Sheet, judged: &mut [Judged], reference: &Reference<'_>) {
     let (columns, rows) = (sheet.width, sheet.height());
     let side = 2 * REACH + 1;
     if reference.n_rays() == 0 || columns < side || rows < side {
         return;
     }
-    // Of each checked pixel: the error, and the plane if it shows only one.
+    // For each checked pixel the error, and the plane if it shows only one.
     let errors: Vec<Option<([f64; 3], Option<u32>)>> = (sheet.answers.iter())
         .zip(judged.iter())
         .map(|(answer, pixel)| answer.is_checked().then_some((pixel.error, plane(answer))))
@@ -36,7 +36,7 @@ pub(super) fn narrow(sheet: &Sheet, judged: &mut [Judged], reference: &Reference
         let (Some((exact, _)), Some(own)) = (answer.irradiance(), plane(answer)) else {
             continue;
         };
-        // At the border the neighbourhood moves inwards.
+        // At the border the neighbourhood is shifted inwards.
         let (left, top) = (
             (k % columns).saturating_sub(REACH).min(columns - side),
             (k / columns).saturating_sub(REACH).min(rows - side),

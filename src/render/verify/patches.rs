@@ -1,12 +1,12 @@
-//! The numbers of the patches, as far as the scene alone tells them.
+//! Checks the numbers of patches, as far as they follow from the scene.
 
 use super::answer::Centre;
 use super::layers::Layers;
 use super::sheet::Sheet;
 
-/// Counts the pixels whose patch cannot be right, or as few of them as explain what is seen.
+/// Counts the pixels with a wrong patch, or the fewest that explain the contradictions.
 ///
-/// The patches of a face have consecutive numbers. How many a face has is not in the file, so that in the order of their numbers the faces must follow one another without coming back.
+/// The patches of a face have consecutive numbers. The number of patches of a face is not in the file, so in the order of patches each face must appear only once.
 pub(super) fn count_wrong(layers: &Layers<'_>, sheets: &[Sheet], image_width: usize) -> usize {
     let Some(patches) = layers.patch else { return 0 };
     let centres = sheets.iter().flat_map(|sheet| {

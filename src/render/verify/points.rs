@@ -1,4 +1,4 @@
-//! The exact direct irradiance at the points that an image's pixels show.
+//! The exact direct irradiance at the visible points of an image.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -24,10 +24,10 @@ use crate::render::view::ViewDescription;
 use crate::scene::slack_of;
 use crate::visibility::occluders::are_sides_of_a_sheet;
 
-/// The share of an emitter's form factor beyond which nothing is said of a point: so much of it is hidden or not by how the coordinates of corners were rounded.
+/// The fraction of an emitter's form factor in doubt above which a point is not checked: the rounding of corners decides its visibility.
 const UNTOLD: f64 = 0.01;
 
-/// The scene of an image, ready for closed forms.
+/// The scene of an image, prepared for closed forms.
 pub(super) struct Reference<'a> {
     attributes: &'a Attributes,
     /// All faces: surface by surface, in file order.
@@ -39,23 +39,23 @@ pub(super) struct Reference<'a> {
     total: [f64; 3],
     nothing_reflects: bool,
     size: Size,
-    /// Length below which geometry is rounding, in m.
+    /// The length below which geometry is rounding, in m.
     slack: f64,
-    /// How far faces that were meant to touch may stand out from each other because their corners' coordinates were rounded, in m.
+    /// The greatest distance, by the rounding of their corners, of faces that were meant to touch, in m.
     touching: f64,
-    /// Rays per pixel; 0 where the direct pass has no noise at a clear point.
+    /// The number of rays per pixel; 0 where the direct pass has no noise at an unoccluded point.
     n_rays: u64,
     n_effective: f64,
-    /// Whether the image's method is right where an emitter is hidden in part.
+    /// True if the image's method is exact where an emitter is partially visible.
     knows_penumbras: bool,
-    /// The rays of a method that is not, where these can be drawn again.
+    /// The rays of an inexact method, if they can be drawn again.
     shadow_rays: Option<ShadowRays>,
-    /// How far above the surface the estimate was really made, in m.
+    /// The height above the surface of the estimate's origin, in m.
     offset: f64,
 }
 
 impl<'a> Reference<'a> {
-    /// Returns `None` if nothing emits. `n_rays` is per sample.
+    /// Prepares the scene; returns `None` if nothing emits. `n_rays` is per sample.
     pub(super) fn new(attributes: &'a Attributes, n_rays: u32) -> Option<Self> {
         let records = || attributes.surfaces.iter().flat_map(|surface| &surface.polygons);
         let plate = |record: &PolygonRecord| Plate::new(record.corners.clone());
@@ -86,14 +86,14 @@ impl<'a> Reference<'a> {
             n_rays: n_samples * u64::from(n_rays),
             knows_penumbras: !matches!(attributes.render.direct, DirectMethod::Polygons { .. }),
             n_effective: n_samples as f64 * effective_samples(n_rays.max(1), attributes.render.sequence),
-            // A tenth more for the rounding of ray origins to f32.
+            // The factor covers the rounding of ray origins to f32.
             offset: if n_rays > 0 { 1.1 * attributes.ray_offset } else { 0.0 },
         })
     }
 
     /// Returns the rounding of the colours.
     pub(super) fn layer_rounding(&self) -> Rounding {
-        // The form factors of a field are stored with all bits.
+        // The form factors of a field are stored at full precision.
         let is_field = self.attributes.field.is_some();
         Rounding::of(if is_field { Pixels::F32 } else { self.attributes.pixels })
     }
@@ -106,7 +106,7 @@ impl<'a> Reference<'a> {
         if self.n_rays > 0 { self.n_effective } else { 0.0 }
     }
 
-    /// Returns the irradiance whose noise a pixel may have at least.
+    /// Returns the least irradiance that the noise of a pixel is computed from.
     pub(super) fn leak(&self, channel: usize, answer: &PixelAnswer) -> f64 {
         if answer.is_shaded() {
             LEAK * self.brightest[channel]
@@ -144,7 +144,7 @@ impl<'a> Reference<'a> {
         &self.attributes.surfaces[tile.surface.0 as usize].polygons
     }
 
-    /// Returns the mean number of rays of a pixel that hit the brightest emitter, for an irradiance of `exact`.
+    /// Returns the expected number of a pixel's rays that hit the brightest emitter, for an irradiance of `exact`.
     pub(super) fn expected_hits(&self, channel: usize, exact: f64) -> f64 {
         if self.brightest[channel] > 0.0 {
             self.n_effective * exact / self.brightest[channel]
@@ -153,24 +153,24 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// Returns the numbers of a pixel's rays that hit the brightest emitter and that do not, for an irradiance of `exact`.
+    /// Returns the expected numbers of a pixel's rays that hit the brightest emitter and that miss it, for an irradiance of `exact`.
     pub(super) fn expected_counts(&self, channel: usize, exact: f64) -> (f64, f64) {
         let hits = self.expected_hits(channel, exact);
         (hits, self.n_effective - hits)
     }
 
-    /// Returns the largest standard deviation that a pixel of the given irradiance may have, but for rounding.
+    /// Returns the greatest standard deviation of a pixel of the given irradiance, without rounding.
     pub(super) fn standard_deviation(&self, channel: usize, exact: f64) -> f64 {
         let p = exact / self.brightest[channel];
         self.brightest[channel] * (p * (1.0 - p) / self.n_effective).sqrt()
     }
 
-    /// Returns what one ray adds to a pixel at most.
+    /// Returns the greatest contribution of one ray to a pixel.
     pub(super) fn of_one_ray(&self, channel: usize) -> f64 {
         self.brightest[channel] / self.n_rays.max(1) as f64
     }
 
-    /// Returns how far the mean over `n_pixels` pixels may lie from `exact` by chance; a ray's value is between 0 and the largest exitance.
+    /// Returns the statistical tolerance of the mean over `n_pixels` pixels from `exact`; a ray's value is between 0 and the largest exitance.
     pub(super) fn statistical(&self, channel: usize, exact: f64, n_pixels: f64, log_odds: f64) -> f64 {
         let scale = self.brightest[channel];
         if self.n_rays == 0 || scale <= 0.0 {
@@ -185,12 +185,12 @@ impl<'a> Reference<'a> {
         relative * exact + (1e-14 + self.size.relative_rounding()) * self.total[channel] + absolute
     }
 
-    /// Prepares a convex region with the given unit normal, which the given faces cover.
+    /// Prepares a convex region with the given unit normal, covered by the given faces.
     pub(super) fn region<'b>(&'b self, corners: &[DVec3], normal: DVec3, faces: &'b [Plate]) -> Region<'b> {
         let between = |(emitter, _): &(Plate, _)| {
             let meant = self.between(corners, normal, emitter, self.slack + self.touching);
             let mut literal = self.between(corners, normal, emitter, self.slack);
-            // Bent faces hide nothing of themselves.
+            // A bent face does not hide itself.
             literal.retain(|&plate| !faces.iter().any(|face| face.is(plate)) && !emitter.is(plate));
             let is_own = faces.iter().any(|face| face.is(emitter));
             let is_sheet =
@@ -210,7 +210,7 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// Returns the answers of all pixels of a tile and what their centres show, row by row.
+    /// Returns the answers of all pixels of a tile and the content of their centres, row by row.
     pub(super) fn answers(&self, tile: &Tile) -> (Vec<PixelAnswer>, Vec<Centre>) {
         let records = self.records(tile);
         let first = self.first_face(tile);
@@ -282,12 +282,12 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// Returns the number of the random stream of a sample of a pixel, where it is wanted.
+    /// Returns the number of the random stream of a sample of a pixel; 0 if it is not used.
     pub(super) fn stream(&self, pixel: usize, sample: usize) -> u64 {
         self.shadow_rays.as_ref().map_or(0, |rays| rays.stream(pixel, sample))
     }
 
-    /// Returns what is at a point of a tile.
+    /// Returns the content of a point of a tile.
     fn centre(&self, tile: &Tile, point: DVec3) -> Centre {
         let first = self.first_face(tile);
         let normal = tile.normal();
@@ -299,7 +299,7 @@ impl<'a> Reference<'a> {
             let is_beside = around.iter().all(Option::is_none);
             return if is_beside { Centre::Nothing } else { Centre::Unsure };
         };
-        // Faces of a surface that counts as flat may be turned a little.
+        // Faces of a surface that counts as flat may differ slightly in their normals.
         let looks = |k: usize| self.plates[first + k].normal;
         if [b, c, d].iter().any(|&k| (looks(k) - looks(a)).length() > 1e-9) {
             return Centre::Unsure;
@@ -312,9 +312,9 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// Returns the exchange area of a tile's rectangle and an emitter, in m²; `None` if it could not be found to 1e-10.
+    /// Returns the exchange area of a tile's rectangle and an emitter, in m²; `None` if it could not be computed to 1e-10.
     ///
-    /// `shaded` tells whether anything hides a part of an emitter from the rectangle.
+    /// `shaded` is true if anything hides a part of an emitter from the rectangle.
     pub(super) fn exchange_area(&self, tile: &Tile, shaded: bool, emitter: &Plate) -> Option<f64> {
         let rectangle = &tile.rectangle();
         let between = if shaded {
@@ -335,7 +335,7 @@ impl<'a> Reference<'a> {
         found.reached.then_some(found.exchange_area)
     }
 
-    /// Returns what reaches in between a region and an emitter by more than `slack`, m.
+    /// Returns the faces that reach between a region and an emitter by more than `slack`, m.
     fn between(&self, region: &[DVec3], normal: DVec3, emitter: &Plate, slack: f64) -> Vec<&Plate> {
         let misses = |plate: &Plate| misses_region(plate, region, normal, emitter, slack);
         self.plates.iter().filter(|plate| !misses(plate)).collect()
@@ -359,7 +359,7 @@ impl<'a> Reference<'a> {
             let (mut here, mut above) = (form_factor(point), form_factor(over));
             if between.is_sheet {
                 let looks_away = normal.dot(emitter.normal) > 0.0;
-                // Rays start above the surface: on which side of the other one, rounding decides.
+                // Rays start above the surface: rounding decides on which side of the other face they are.
                 light.unknown |= !looks_away && !self.is_exact();
                 light.shaded |= !looks_away;
                 if looks_away && !self.is_exact() {
@@ -380,7 +380,7 @@ impl<'a> Reference<'a> {
             if !is_clear(&between.meant) {
                 light.shaded = true;
                 if between.meant.iter().any(|plate| self.touches(plate, point)) {
-                    // Which side of the occluder the point is on, rounding decides.
+                    // Rounding decides on which side of the occluder the point is.
                     light.unknown = true;
                     return;
                 }
@@ -427,15 +427,15 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// Returns whether a point is as near to a plate as rounding to f32 may be off.
+    /// Returns whether a point is near a plate within the rounding to f32.
     fn touches(&self, plate: &Plate, point: DVec3) -> bool {
         let near = 1e-6 * self.size.extent + self.slack;
         plate.normal.dot(point - plate.corners[0]).abs() <= near && plate.depth(point) >= -near
     }
 
-    /// Returns four places around a point of a tile that rounding cannot exceed.
+    /// Returns four points around a point of a tile, further off than any rounding.
     fn around(&self, tile: &Tile, point: DVec3) -> [DVec3; 4] {
-        // Far above the rounding of rays to f32, far below a pixel.
+        // The margin is far above the rounding of rays to f32, and far below a pixel.
         let margin = (2e-6 * self.size.extent + self.slack).min(0.25 * tile.pixel_size[0].min(tile.pixel_size[1]));
         let (x, y) = (tile.right * margin, tile.down * margin);
         [point + x + y, point + x - y, point - x + y, point - x - y]

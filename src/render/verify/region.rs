@@ -1,4 +1,4 @@
-//! The emitters as the points of a flat region see them.
+//! The emitters as seen from the points of a flat region.
 
 use glam::DVec3;
 
@@ -8,7 +8,7 @@ use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon;
 use crate::visibility::occluders::{Occluder, standing_on};
 
-/// A flat convex region from which emitters are seen.
+/// A flat convex region that sees emitters.
 pub(super) struct Region<'a> {
     pub(super) corners: Vec<DVec3>,
     pub(super) normal: DVec3,
@@ -16,21 +16,21 @@ pub(super) struct Region<'a> {
     pub(super) faces: &'a [Plate],
     /// Per emitter, the occluders between it and any point of the region.
     pub(super) between: Vec<Between<'a>>,
-    /// How far faces that were meant to touch may stand out from each other, in m.
+    /// The greatest distance of faces that were meant to touch, in m.
     pub(super) touching: f64,
 }
 
 /// The occluders between a region and an emitter.
 pub(super) struct Between<'a> {
-    /// Those before the coordinates of corners were rounded.
+    /// The occluders without the rounding of corners.
     pub(super) meant: Vec<&'a Plate>,
-    /// Those with the corners as they are.
+    /// The occluders with the corners as they are.
     pub(super) literal: Vec<&'a Plate>,
-    /// Whether region and emitter are one face, or the two sides of a sheet that rounding has parted: they see nothing of each other.
+    /// True if region and emitter are one face, or the two sides of a sheet that rounding has parted: they do not see each other.
     pub(super) is_sheet: bool,
 }
 
-/// The visible parts of emitters as one region's points see them, found when they are first wanted.
+/// The parts of emitters visible from one region's points, computed on first use.
 #[derive(Default)]
 pub(super) struct SeenFrom {
     meant: Vec<Option<VisibleFactor>>,
@@ -38,7 +38,7 @@ pub(super) struct SeenFrom {
 }
 
 impl SeenFrom {
-    /// Returns emitter `k` behind what was meant to stand before it; what stands on the region or the emitter but for rounding leaves no slit.
+    /// Returns emitter `k` behind its occluders without rounding; those that stand on the region or the emitter up to rounding leave no slit.
     pub(super) fn meant(&mut self, k: usize, region: &Region<'_>, emitter: &Plate) -> &mut VisibleFactor {
         let ends = [region.corners.as_slice(), &emitter.corners];
         let standing = |plate: &&Plate| standing_on(ends, &plate.corners, region.touching).into_owned();
@@ -49,7 +49,7 @@ impl SeenFrom {
         kept(&mut self.meant, k, region, emitter, occluders)
     }
 
-    /// Returns emitter `k` behind what does stand before it as the corners are.
+    /// Returns emitter `k` behind its occluders with the corners as they are.
     pub(super) fn literal(&mut self, k: usize, region: &Region<'_>, emitter: &Plate) -> &mut VisibleFactor {
         kept(&mut self.literal, k, region, emitter, || {
             let triangles = region.between[k].literal.iter().flat_map(|plate| flat_parts(plate));
@@ -72,19 +72,20 @@ fn kept<'v, 'b>(
 }
 
 impl Region<'_> {
-    /// Returns the face that a point of the region is on.
+    /// Returns the face that contains a point of the region.
     pub(super) fn face_of(&self, point: DVec3) -> &Plate {
         let holds = |face: &&Plate| contains(&face.corners, point, self.normal);
         self.faces.iter().find(holds).unwrap_or(&self.faces[0])
     }
 
-    /// Returns how far the form factor of a point may change because rounding has bent the face that it is on, or the emitter: the normal of each part of the face lies between those of its
-    /// corners, and no part is farther from its plane than its corners are.
+    /// Returns the greatest change of a point's form factor by the bend that rounding has given its face or the emitter.
+    ///
+    /// The normal of each part of the face lies between those of its corners, and no part is farther from its plane than its corners are.
     pub(super) fn bend(&self, point: DVec3, face: &Plate, emitter: &Plate) -> f64 {
         let seen = |at: DVec3, normal: DVec3| point_form_factor(at, normal, &emitter.corners);
         let over_horizon = |&v: &DVec3| face.normal.dot(v - point) > self.touching;
         if !emitter.corners.iter().any(over_horizon) {
-            // What rounding lets stand out of the horizon is seen from the back as well: of which side it is, rounding decides.
+            // A part that rounding lifts above the horizon may be seen from the back as well: rounding decides its side.
             let below = point - face.normal * self.touching;
             let back: Vec<DVec3> = emitter.corners.iter().rev().copied().collect();
             return seen(below, face.normal) + point_form_factor(below, face.normal, &back);
@@ -106,15 +107,15 @@ impl Region<'_> {
         ];
         let change = |place: DVec3| (seen(place, face.normal) - plane).abs();
         let shift = shifts.map(|shift| change(point + shift).max(change(point - shift)));
-        // Each may add to the others.
+        // The contributions may add up.
         turn.fold(0.0, f64::max) + shift.iter().sum::<f64>()
     }
 }
 
 impl Region<'_> {
-    /// Returns how much the form factor of a point changes by what reaches in between, or lets light through, only because corners were rounded.
+    /// Returns the change of a point's form factor by slits and overlaps that exist only because corners were rounded.
     ///
-    /// Where the view seems to change all at once, one as near as rounding could have put the point tells how much that is.
+    /// Where the view seems to change abruptly, points within the rounding show the size of the change.
     pub(super) fn slits(&self, point: DVec3, meant: f64, literal: &mut VisibleFactor) -> f64 {
         let (along, across) = self.normal.any_orthonormal_pair();
         let places = [DVec3::ZERO, along, across, -along - across];
@@ -123,7 +124,7 @@ impl Region<'_> {
     }
 }
 
-/// Returns a face, or two triangles where it is bent: seen along its edge, a bent outline hides no one knows what.
+/// Returns a face, or two triangles where it is bent: seen along its edge, the occlusion by a bent outline is undefined.
 fn flat_parts(plate: &Plate) -> Vec<Vec<DVec3>> {
     match *plate.corners.as_slice() {
         [a, b, c, d] if polygon::planarity_error(&plate.corners) > 0.0 => vec![vec![a, b, c], vec![a, c, d]],
@@ -131,7 +132,7 @@ fn flat_parts(plate: &Plate) -> Vec<Vec<DVec3>> {
     }
 }
 
-/// Returns plates as what stops light.
+/// Returns plates as occluders.
 pub(super) fn as_occluders<'a>(plates: &[&'a Plate]) -> Vec<Occluder<'a>> {
     let of_plate = |plate: &&'a Plate| occluder(plate.corners.as_slice().into());
     plates.iter().map(of_plate).collect()

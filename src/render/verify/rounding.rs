@@ -2,12 +2,12 @@
 
 use crate::render::exr::Pixels;
 
-/// How far a layer's number may be off by being rounded.
+/// The greatest rounding of a layer's number.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rounding {
-    /// Half the distance between two numbers of size 1.
+    /// The relative part: half the distance between two numbers of size 1.
     pub(super) relative: f64,
-    /// Half the distance between numbers near 0, or more.
+    /// The absolute part: at least half the distance between numbers near 0.
     pub(super) absolute: f64,
 }
 
@@ -16,7 +16,7 @@ impl Rounding {
         relative: 1.0 / (1 << 24) as f64,
         absolute: f32::MIN_POSITIVE as f64,
     };
-    /// 11 bits, and steps of 2^−24 near 0.
+    /// The rounding of f16: 11 bits, and steps of 2^−24 near 0.
     pub(super) const F16: Self = Self {
         relative: 1.0 / (1 << 11) as f64,
         absolute: 1.0 / (1 << 25) as f64,

@@ -1,4 +1,4 @@
-//! The shadow rays of a picture, drawn again: to which points of an emitter they go follows from the file's settings and seed.
+//! Draws the shadow rays of an image again: their end points follow from the file's settings and seed.
 
 use glam::DVec3;
 
@@ -13,33 +13,33 @@ use crate::render::attributes::{Attributes, PolygonRecord};
 use crate::render::direct::{DirectMethod, EDGE_OFFSETS, Inset, edge_distance};
 use crate::render::samples::PixelSamples;
 
-/// How near to an occluder's edge, as a share of the scene's size, a ray in f32 (6e-8) may pass on either side.
+/// The distance, as a share of the scene's size, at which a ray in f32 (6e-8) may pass an occluder's edge on either side.
 const SHIFT: f64 = 1e-6;
 
 /// The data to draw the rays of [`DirectMethod::Polygons`] again.
 pub(super) struct ShadowRays {
     n: u32,
-    /// How many independent rays these are worth.
+    /// The effective number of independent rays.
     n_effective: f64,
     sequence: Sequence,
     seed: u64,
-    /// How far above their faces rays start and end, in m.
+    /// The height above their faces at which rays start and end, in m.
     offset: f64,
-    /// How far from where it is meant a ray may pass, in m.
+    /// The greatest distance of a ray from its intended line, in m.
     margin: f64,
     /// The number of streams of one pixel.
     n_streams: u64,
     targets: Vec<Target>,
 }
 
-/// An emitter as its rays see it.
+/// An emitter as a target of rays.
 struct Target {
     corners: Vec<DVec3>,
     normal: DVec3,
     points: UniformOnPolygon,
 }
 
-/// A point that rays start from.
+/// A point from which rays start.
 #[derive(Clone, Copy)]
 pub(super) struct Start<'a> {
     pub(super) point: DVec3,
@@ -48,20 +48,20 @@ pub(super) struct Start<'a> {
     pub(super) face: &'a [DVec3],
     /// The number of the point's random stream.
     pub(super) stream: u64,
-    /// To how many emitters rays went before.
+    /// The number of emitters to which rays went before.
     pub(super) n_before: u64,
 }
 
 /// The visible fraction of an emitter that one point's rays find.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Fraction {
-    /// The least and the greatest value: rays so near to an edge that rounding decides their hit count as blocked and as not.
+    /// The least and the greatest value: rays near an edge, whose hit depends on rounding, count as occluded and as visible.
     pub(super) range: [f64; 2],
-    /// The variance that is stated with it; `None` where rounding decides.
+    /// The stated variance; `None` where rounding decides.
     pub(super) variance: Option<f64>,
     /// Its bias as a ratio of two means, to leading order, without its sign.
     pub(super) bias: f64,
-    /// x, if rays to a face of which the true fraction is visible find this or worse with a probability of exp(−x) at most.
+    /// The number x such that rays to a face with the true visible fraction find this or worse with a probability of at most exp(−x).
     pub(super) odds: f64,
 }
 
@@ -69,15 +69,15 @@ pub(super) struct Fraction {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Meets {
     No,
-    /// Rounding decides.
+    /// It depends on rounding.
     Maybe,
     Yes,
 }
 
 impl ShadowRays {
-    /// Returns `None` if the direct light is not found by such rays, or emitters of several surfaces share a stream: in which order they do, the file does not say.
+    /// Prepares the rays; returns `None` if other rays find the direct light, or if emitters of several surfaces share a stream.
     ///
-    /// Faces may be bent by up to `touching`, m, so that a ray meets them elsewhere.
+    /// The file does not contain the order of such emitters. Faces may be bent by up to `touching`, m, so that a ray meets them elsewhere.
     pub(super) fn new(attributes: &Attributes, size: &Size, touching: f64) -> Option<Self> {
         let DirectMethod::Polygons { n } = attributes.render.direct else {
             return None;
@@ -123,7 +123,7 @@ impl ShadowRays {
         pixel as u64 * self.n_streams + sample as u64
     }
 
-    /// Returns what fraction of emitter `k` the rays of a point find, given the true one.
+    /// Returns the visible fraction of emitter `k` found by the rays of a point, given the true one.
     pub(super) fn fraction(&self, k: usize, start: &Start<'_>, occluders: &[&Plate], exact: f64) -> Fraction {
         let &Start { point, normal, .. } = start;
         let target = &self.targets[k];
@@ -133,7 +133,7 @@ impl ShadowRays {
         if edge_distance(start.face, point) < self.offset {
             foot = Inset::new(start.face, EDGE_OFFSETS * self.offset).apply(point);
         }
-        // Which of two faces a point on their common edge is on, rounding decides.
+        // Rounding decides which of two faces contains a point on their common edge.
         let margin = self.margin + (foot - point).length();
         let origin = foot + normal * self.offset;
         let weight = |to: DVec3| {
@@ -151,7 +151,7 @@ impl ShadowRays {
             }
         }
         if sums.total <= 0.0 {
-            // All points are below the horizon, but a part of the face is not.
+            // All points are below the horizon, but a part of the face is above it.
             let above = clip_to_half_space(&target.corners, point, normal);
             let to = above.iter().sum::<DVec3>() / above.len() as f64;
             sums.add(
@@ -172,9 +172,9 @@ struct Sums {
     n: f64,
     arrived: f64,
     undecided: f64,
-    /// Σ w² v and Σ w².
+    /// The sums Σ w² v and Σ w².
     squares: [f64; 2],
-    /// Σ w² (v − V), V the true fraction.
+    /// The sum Σ w² (v − V), V the true fraction.
     skew: f64,
 }
 
@@ -193,7 +193,7 @@ impl Sums {
         self.skew += weight * weight * (arrives - exact);
     }
 
-    /// Returns what the rays find.
+    /// Returns the visible fraction that the rays find.
     ///
     /// With weights w ≤ κ E\[w\] and n independent rays, a fraction Q beyond V means Σ w (v − Q) ≥ 0, where w (v − Q) lies in \[−κ Q, κ (1 − Q)\] E\[w\] and its mean is (V − Q) E\[w\]: the
     /// probability is exp(−n KL(Q ‖ Q − (Q − V)/κ)) at most ([`HOEFFDING_1963`](crate::references::HOEFFDING_1963), theorem 1), and the same below V.
@@ -201,7 +201,7 @@ impl Sums {
     fn fraction(&self, exact: f64, n_effective: f64) -> Fraction {
         let fraction = self.arrived / self.total;
         let range = [fraction, (self.arrived + self.undecided) / self.total];
-        // Where nothing is hidden, or everything, but for what rounding decides.
+        // The truth is 0 or 1, up to rounding.
         let truth = exact.clamp(LEAK, 1.0 - LEAK);
         let nearest = truth.clamp(range[0], range[1]);
         let evenness = self.total / (self.n * self.greatest);
@@ -217,7 +217,7 @@ impl Sums {
     }
 }
 
-/// Returns whether any of the occluders is met between two points.
+/// Returns whether a segment between two points meets any of the occluders.
 fn first_met(from: DVec3, to: DVec3, occluders: &[&Plate], margin: f64) -> Meets {
     let mut found = Meets::No;
     for occluder in occluders {
@@ -235,7 +235,7 @@ fn meets(from: DVec3, to: DVec3, occluder: &Plate, margin: f64) -> Meets {
     if (a > margin && b > margin) || (a < -margin && b < -margin) {
         return Meets::No;
     }
-    // In the plane the place moves by more than the ray does, as much more as the ray is aslant.
+    // In the plane the hit point moves by more than the ray does, the more oblique the ray is.
     let aslant = (to - from).length() / (a - b).abs();
     if !aslant.is_finite() {
         return Meets::Maybe;
@@ -295,9 +295,9 @@ mod tests {
         let wider = sums.fraction(0.75, 3.0);
         assert_eq!(wider.range.map(f64::to_bits), [0.375_f64, 0.875].map(f64::to_bits));
         assert_eq!(wider.variance, None);
-        // The truth is in the middle of it.
+        // The truth is within its range.
         assert!(wider.odds.abs() < 1e-15, "{wider:?}");
-        // Equal weights: as many as eight rays that all arrive from where half is seen.
+        // Equal weights: eight rays that all arrive from a half visible emitter.
         let mut all = Sums::default();
         (0..8).for_each(|_| all.add(2.0, Meets::No, 0.5));
         let odds = all.fraction(0.5, 8.0).odds;

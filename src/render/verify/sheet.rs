@@ -1,4 +1,4 @@
-//! Rectangles of an image and what their pixels must show.
+//! Rectangles of an image with the expected content of their pixels.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ use crate::render::samples::PixelSamples;
 use crate::render::unfolded::Tile;
 use crate::render::view::CameraRecord;
 
-/// Side of the square blocks of pixels for which candidates are looked up together.
+/// The side of the square blocks of pixels for which candidates are found together.
 const BLOCK_SIDE: usize = 16;
 
 /// A rectangle of pixels with their answers, row by row.
@@ -29,7 +29,7 @@ pub(super) struct Sheet {
 }
 
 impl Sheet {
-    /// Returns the place of pixel k among the pixels of an image.
+    /// Returns the index of pixel k among the pixels of an image.
     pub(super) fn index(&self, k: usize, image_width: usize) -> usize {
         (self.top + k / self.width) * image_width + self.left + k % self.width
     }
@@ -38,7 +38,7 @@ impl Sheet {
         self.answers.len() / self.width.max(1)
     }
 
-    /// The sheet of a tile of an unfolded view.
+    /// Returns the sheet of a tile of an unfolded view.
     pub(super) fn of_tile(tile: &Tile, reference: &Reference<'_>) -> Self {
         let (answers, centres) = reference.answers(tile);
         Self {
@@ -51,7 +51,7 @@ impl Sheet {
         }
     }
 
-    /// The sheet of a perspective image: what each sample sees is found again in f64.
+    /// Returns the sheet of a perspective image, with the hit of each sample found again in f64.
     pub(super) fn of_camera(
         record: &CameraRecord,
         (width, height): (u32, u32),
@@ -112,21 +112,21 @@ impl Sheet {
     }
 }
 
-/// A camera that looks at one block of pixels.
+/// A camera restricted to one block of pixels.
 struct Eye<'a> {
     reference: &'a Reference<'a>,
     faces: &'a Faces<'a>,
     place: DVec3,
     candidates: Vec<usize>,
     samples: PixelSamples,
-    /// Of each pixel, where they differ.
+    /// The number of samples of each pixel, if it varies.
     n_samples: Option<&'a [u32]>,
-    /// The findings about the faces that were seen.
+    /// The emitters seen from each face found so far.
     seen: Vec<(usize, SeenFrom)>,
 }
 
 impl Eye<'_> {
-    /// Returns the answer of a pixel of the given number and what its centre shows, given the rays through its places in \[0, 1\]².
+    /// Returns the answer of a pixel of the given number and the content of its centre, given the rays through its points in \[0, 1\]².
     fn pixel(&mut self, number: usize, ray: impl Fn(f64, f64) -> DVec3) -> (PixelAnswer, Centre) {
         let centre = match self.faces.look(&self.candidates, self.place, ray(0.5, 0.5)) {
             Seen::Unsure => Centre::Unsure,
@@ -145,7 +145,7 @@ impl Eye<'_> {
         let n = self.n_samples.map_or(self.samples.n_first(), |numbers| numbers[number]);
         let share = 1.0 / f64::from(n);
         let mut light = Light::default();
-        // Of each sample: the face, if one is seen from its front.
+        // For each sample the face, if its front is visible.
         let mut fronts: Vec<Option<usize>> = Vec::new();
         let mut n_faces = 0;
         for (sample, (x, y)) in self.samples.places(number as u64, 0, n).enumerate() {
@@ -196,7 +196,7 @@ impl Eye<'_> {
     }
 }
 
-/// Returns what all samples have in common, if every one of them sees a face's front.
+/// Returns the common value of all samples, if every one of them sees a face's front.
 fn common<T: PartialEq>(fronts: &[Option<usize>], of: impl Fn(usize) -> T) -> Option<T> {
     let mut values = fronts.iter().map(|face| face.map(&of));
     let first = values.next()??;

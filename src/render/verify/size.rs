@@ -1,18 +1,18 @@
-//! How large a scene is, and how far from the origin.
+//! The size of a scene, and its distance from the origin.
 
 use glam::DVec3;
 
 use crate::geometry::polygon;
 
-/// Rounding of coordinates in f64 and of what is computed from a few of them, relative to the largest.
+/// The relative rounding of coordinates in f64 and of values computed from a few of them.
 const ROUNDING: f64 = 1e-14;
 
-/// The size of a scene, wherever it stands.
+/// The size of a scene, independent of its position.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Size {
     /// The largest distance from the middle of the bounding box along an axis, in m: rays in f32 start and end in a frame there.
     pub(super) extent: f64,
-    /// How far the box reaches from the origin beyond that, in m.
+    /// The distance beyond that to which the box reaches from the origin, in m.
     beyond: f64,
 }
 
@@ -33,12 +33,12 @@ impl Size {
         }
     }
 
-    /// Returns how far rounding of coordinates in f64 may move a point because the scene is far from the origin, in m; 0 near it.
+    /// Returns the greatest movement of a point by rounding in f64 because the scene is far from the origin, in m; 0 near it.
     pub(super) fn rounding(&self) -> f64 {
         ROUNDING * self.beyond
     }
 
-    /// Returns how far it may change a form factor of a point that lies as far from the emitter as the scene is large.
+    /// Returns the change, by that rounding, of a form factor of a point whose distance from the emitter is the scene's size.
     pub(super) fn relative_rounding(&self) -> f64 {
         if self.extent > 0.0 {
             self.rounding() / self.extent

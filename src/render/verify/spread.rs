@@ -1,21 +1,22 @@
-//! All pixels' errors together, against the noise of the rays that the file tells of.
+//! Compares the errors of all pixels together with the noise of the stated number of rays.
 
 use super::answer::PixelAnswer;
 use super::layers::Judged;
 use super::points::Reference;
 
-/// Rays of a pixel that must be expected to hit emitters, and to miss them, before its error counts as normal: the fourth moment of a binomial
-/// number is then within 1.2 % of a normal one's.
+/// The least expected numbers of a pixel's rays that hit emitters, and that miss them, for its error to count as normal.
+///
+/// The fourth moment of a binomial number is then within 1.2 % of a normal one's.
 const MIN_COUNT: f64 = 30.0;
 
-/// Σ (error / standard deviation)² of the pixels where a normal distribution fits, the worst channel.
+/// The sum of (error / standard deviation)² over the pixels where a normal distribution fits, the worst channel.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Spread {
     sum: f64,
     n: f64,
-    /// The largest sum that is right.
+    /// The largest correct sum.
     limit: f64,
-    /// Independent rays for each ray, as far as their mean is concerned: 1 for independent ones.
+    /// The effective number of independent rays for each ray: 1 for independent ones.
     worth: f64,
 }
 
@@ -23,7 +24,7 @@ pub(super) struct Spread {
 ///
 /// A ray adds the exitance that it meets, e ∈ [0, e₀], with the mean p e₀: its variance is at most p (1 − p) e₀², and equal to it where all emitters are equally bright. So the mean
 /// of n rays has a standard deviation of at most e₀ √(p (1 − p) / n), and the sum of the squared ratios of N pixels is at most
-/// N + 2 √(N x) + 2 x but for a probability of e^(−x), x = `log_odds` ([`LAURENT_2000`](crate::references::LAURENT_2000), lemma 1). n is the
+/// N + 2 √(N x) + 2 x except with a probability of e^(−x), x = `log_odds` ([`LAURENT_2000`](crate::references::LAURENT_2000), lemma 1). n is the
 /// [effective](super::tolerance::effective_samples) number of rays. Departures: binomial errors are taken for normal; what offset and rounding may change is taken off each error.
 pub(super) fn of<'a>(
     pixels: impl Iterator<Item = (&'a PixelAnswer, &'a Judged)>,
@@ -67,7 +68,7 @@ impl Spread {
         (self.n > 0.0).then(|| (self.sum / self.n / self.worth).sqrt())
     }
 
-    /// Returns the largest deviation that is right.
+    /// Returns the largest correct deviation.
     pub(super) fn max_deviation(&self) -> Option<f64> {
         (self.n > 0.0).then(|| (self.limit / self.n / self.worth).sqrt())
     }

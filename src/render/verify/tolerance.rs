@@ -1,8 +1,8 @@
-//! How far a correct image may lie from the exact answer.
+//! Statistical tolerances of a correct image.
 
 use crate::geometry::sampling::Sequence;
 
-/// Returns the number of independent samples that n samples of a stream are worth at least.
+/// Returns a lower bound of the number of independent samples to which n samples of a stream are equivalent.
 ///
 /// Independent numbers: n. Scrambled Sobol points: n / Γ, with Γ = 2 the bound on a net's variance relative to independent samples in
 /// two dimensions of base 2 ((b/(b−1))^(s−1), [`OWEN_1997`](crate::references::OWEN_1997)), and for an n that is not a power of two the
@@ -28,7 +28,7 @@ pub(super) fn divergence(q: f64, p: f64) -> f64 {
     part(q, p) + part(1.0 - q, 1.0 - p)
 }
 
-/// Returns how far the mean of n independent numbers in [0, 1] may lie from its expectation p: the larger of both sides.
+/// Returns the tolerance of the mean of n independent numbers in [0, 1] around its expectation p: the larger of both sides.
 ///
 /// The mean leaves [p − d, p + d] with a probability of at most 2 exp(−`log_odds`), because P(mean ≥ q) ≤ exp(−n KL(q ‖ p)), and the same below
 /// ([`HOEFFDING_1963`](crate::references::HOEFFDING_1963), theorem 1; it holds for any distribution, and for means p_k that differ, with p their mean).
@@ -56,7 +56,7 @@ pub(super) fn hoeffding(p: f64, n: f64, log_odds: f64) -> f64 {
     reach(0.0).max(reach(1.0))
 }
 
-/// Returns how far the mean of m independent errors of expectation zero may lie from zero, judged by their own spread.
+/// Returns the tolerance of the mean of m independent errors of expectation zero, by their own spread.
 ///
 /// |Σ r| ≤ √(2 `log_odds`) √(Σ r²) but for a probability of 2 exp(−`log_odds`): exact for symmetric errors
 /// ([`EFRON_1969`](crate::references::EFRON_1969)), and to leading order for others when their number is large ([`SHAO_1997`](crate::references::SHAO_1997)).
@@ -64,8 +64,9 @@ pub(super) fn self_normalised(sum_of_squares: f64, m: f64, log_odds: f64) -> f64
     (2.0 * log_odds * sum_of_squares).sqrt() / m
 }
 
-/// The error of rays where an emitter is hidden, as a share of the largest exitance: they see outlines whose corners are rounded to f32,
-/// 6e-8 of the scene's size off, and a shadow's edge moves by a few times that.
+/// The error of rays where an emitter is partially visible, as a share of the largest exitance.
+///
+/// Rays see outlines whose corners are rounded to f32, 6e-8 of the scene's size off, and a shadow's edge moves by a few times that.
 pub(super) const LEAK: f64 = 1e-6;
 
 #[cfg(test)]
@@ -83,7 +84,7 @@ mod tests {
         assert!(effective_samples(65535, Sequence::Sobol) > 65535.0 / 23.4);
     }
 
-    /// The binomial tail is summed exactly; the bound must hold, and not be wider than a factor that large deviations allow.
+    /// Compares the bound with the exact binomial tail: it must hold, and exceed the tail by no more than the factor that large deviations allow.
     #[test]
     fn the_bound_holds_for_binomial_counts() {
         for (n, p) in [(64_u32, 0.2), (64, 0.004), (1000, 0.5), (500, 0.97)] {
@@ -105,7 +106,7 @@ mod tests {
             );
         }
         assert_eq!(hoeffding(0.0, 10.0, 9.0).to_bits(), 0);
-        // Three samples cannot tell anything.
+        // Three samples are too few for a narrower bound.
         assert!((hoeffding(0.3, 3.0, 30.0) - 0.7).abs() < 1e-15);
     }
 }

@@ -12,7 +12,7 @@ use glam::DVec3;
 use super::{Assembly, Levels};
 use crate::scene::{MaterialId, SceneError};
 
-/// 6 · 4^10 is 6.3 million faces, a few hundred times what a matrix of form factors can hold.
+/// The greatest level has 6 · 4^10 = 6.3 million faces, a few hundred times as many as a matrix of form factors can hold.
 pub(super) const LEVELS: Levels = Levels { default: 3, max: 10 };
 
 const SIDES: [&str; 6] = ["x0", "x1", "y0", "y1", "z0", "z1"];
@@ -58,7 +58,7 @@ pub(super) fn build(assembly: &mut Assembly, level: u32) -> Result<(), SceneErro
     Ok(())
 }
 
-/// The material of the faces that the hole covers: all to the same fraction, at any level.
+/// The material of faces that the hole covers by the same fraction.
 struct HoleMaterial {
     m: u32,
     material: Option<MaterialId>,
@@ -76,7 +76,7 @@ impl HoleMaterial {
         Ok(self.material)
     }
 
-    /// The part of [i, i + 1] / m within [1/4, 3/4].
+    /// Returns the part of [i, i + 1] / m within [1/4, 3/4].
     fn covered(&self, i: u32) -> f64 {
         let m = f64::from(self.m);
         let (from, to) = (f64::from(i), f64::from(i) + 1.0);

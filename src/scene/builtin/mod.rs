@@ -1,4 +1,4 @@
-//! The scenes of the literature: the same bits on every machine.
+//! Scenes of the literature, bit-identical on every machine.
 
 use glam::DVec3;
 
@@ -23,11 +23,11 @@ struct Levels {
     max: u32,
 }
 
-/// Where the faces of a scene come from.
+/// The source of a scene's faces.
 enum Source {
     /// Its files in `scenes/`: the faces, and their materials.
     Files { obj: &'static str, mtl: &'static str },
-    /// Made for a level.
+    /// A function that makes them for a level.
     Levels(Levels, fn(&mut Assembly, u32) -> Result<(), SceneError>),
 }
 
@@ -117,7 +117,7 @@ pub fn names() -> impl ExactSizeIterator<Item = &'static str> {
 /// - `crater`: a spherical cap in 4^(level + 1) faces (default 3, at most 8), for sunlight; nothing emits.
 /// - `street`: six houses along a street and its camera, for sun and sky; nothing emits.
 ///
-/// Scenes without levels are the files in `scenes/`; coordinates of the others come from sums, products, quotients and square roots: no function whose last bit depends on the machine.
+/// Scenes without levels are the files in `scenes/`. The coordinates of the others come from sums, products, quotients and square roots, whose last bit does not depend on the machine.
 /// Departures: each scene's `README.md` there says what its source leaves open, and how that was decided.
 ///
 /// # Errors
@@ -151,7 +151,7 @@ pub fn build(name: &str, level: Option<u32>) -> Result<Builtin, SceneError> {
     Ok(Builtin { scene, camera })
 }
 
-/// A scene in the making.
+/// A scene under construction.
 struct Assembly {
     builder: SceneBuilder,
 }

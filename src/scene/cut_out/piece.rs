@@ -1,4 +1,4 @@
-//! Convex pieces of a face, cut along the edges of what is drawn on it.
+//! Convex pieces of a face, cut along the edges of the faces that are drawn on it.
 
 use glam::DVec3;
 
@@ -11,7 +11,7 @@ type Line = [DVec3; 2];
 #[derive(Clone, Debug)]
 pub(super) struct Piece {
     corners: Vec<DVec3>,
-    /// The line of the edge from each corner to the next, by corners of the scene. A crossing is computed from these alone, so that it is the same to the last bit
+    /// The line of the edge from each corner to the next, through corners of the scene. Crossings are computed from these alone, so that they are bit-identical
     /// in every piece and every face that meets there.
     along: Vec<Line>,
 }
@@ -37,13 +37,13 @@ fn lines(corners: &[DVec3]) -> impl Iterator<Item = Line> + '_ {
     corners.iter().zip(next).map(|(&a, &b)| [a, b])
 }
 
-/// Returns the area of an outline by the square of its length: the greater, the rounder; at most 1 / 4π.
+/// Returns the area of an outline divided by the square of its length: at most 1 / 4π, that of a circle.
 fn roundness(corners: &[DVec3]) -> f64 {
     let length: f64 = lines(corners).map(|[a, b]| a.distance(b)).sum();
     polygon::area_vector(corners).length() / (length * length).max(f64::MIN_POSITIVE)
 }
 
-/// Returns which part of the way through an outline a line runs along the edge that it goes through: the less, the more rounding turns it aside at its ends.
+/// Returns the fraction of a line's path through an outline that lies on the edge that it extends: with a small fraction, rounding moves its ends further.
 fn support(corners: &[DVec3], [a, b]: Line) -> f64 {
     let along = (b - a).normalize_or_zero();
     let places = corners.iter().map(|&v| along.dot(v - a));
@@ -68,8 +68,9 @@ impl Plane {
 
     /// Returns the convex pieces that are left of a face without the convex `cutters`.
     ///
-    /// A piece is cut along the edges of one cutter, one after the other, from border to border: a wall becomes rectangles around an upright door, not slivers that run to its corners.
-    /// Of the cutters in a piece the one nearest to its middle comes first, which halves what is left; of its edges the one that leaves the roundest pieces and is not much shorter than the cut.
+    /// A piece is cut along the edges of one cutter after another, from border to border: a wall becomes rectangles around an upright door, without slivers that run to its corners.
+    /// Of the cutters in a piece, the one nearest to its middle comes first, which halves the rest. Of its edges, the one that leaves the roundest pieces and is not much shorter than the cut comes
+    /// first.
     pub(super) fn subtract(&self, face: Piece, cutters: &[Vec<DVec3>]) -> Vec<Piece> {
         let middles: Vec<DVec3> = cutters.iter().map(|cutter| polygon::centroid(cutter)).collect();
         let mut work = vec![(face, (0..cutters.len()).collect::<Vec<_>>())];
@@ -121,7 +122,7 @@ impl Plane {
         }
     }
 
-    /// Returns whether two convex outlines share more than the tolerance explains.
+    /// Returns whether two convex outlines overlap by more than the tolerance.
     fn overlap(&self, a: &[DVec3], b: &[DVec3]) -> bool {
         let apart = |by: &[DVec3], other: &[DVec3]| {
             lines(by).any(|line| {
@@ -145,7 +146,7 @@ impl Plane {
         self.normal.cross(b - a).normalize_or_zero()
     }
 
-    /// Cuts a piece along a line: the part to its right, then the part to its left.
+    /// Cuts a piece along a line into the part to its right and the part to its left.
     fn cut(&self, piece: &Piece, line: Line) -> [Option<Piece>; 2] {
         let inward = self.inward(line);
         let heights: Vec<f64> = piece
@@ -191,14 +192,14 @@ impl Plane {
         Some(part)
     }
 
-    /// Returns the point where two lines cross, the same in whatever order and direction they are given; it lies between `ends`, near the fraction `t` of the way.
+    /// Returns the point where two lines cross, independent of their order and directions; it lies between `ends`, near the fraction `t` of the way.
     fn crossing(&self, one: Line, other: Line, ends: [DVec3; 2], t: f64) -> DVec3 {
         let ordered = |[a, b]: Line| if a.to_array() <= b.to_array() { [a, b] } else { [b, a] };
         let [mut on, mut by] = [one, other].map(ordered);
         if let Some(&common) = on.iter().find(|v| by.contains(v)) {
             return common;
         }
-        // On the longer one: less is extrapolated.
+        // A point on the longer line needs less extrapolation.
         let key = |[a, b]: Line| (a.distance_squared(b), a.to_array(), b.to_array());
         if key(by) > key(on) {
             std::mem::swap(&mut on, &mut by);
@@ -207,7 +208,7 @@ impl Plane {
         let [from, to] = on.map(|v| inward.dot(v - by[0]));
         let exact = on[0] + (on[1] - on[0]) * (from / (from - to));
         let near = ends[0] + (ends[1] - ends[0]) * t;
-        // Where corners were moved by the tolerance, lines with a small angle between them cross elsewhere.
+        // Where corners were moved by the tolerance, lines at a small angle cross elsewhere.
         let point = if exact.distance(near) <= 4.0 * self.tolerance {
             exact
         } else {
@@ -229,7 +230,7 @@ pub(super) fn convex_faces(corners: &[DVec3]) -> Vec<Vec<DVec3>> {
     without_repeats(&mut rest);
     while rest.len() > 4 {
         let n = rest.len();
-        // Four corners from the first one on, and all others with the two at the diagonal.
+        // Four corners from the first one on, and the remaining outline with the two at the diagonal.
         let parts = |first: usize| {
             let turned: Vec<DVec3> = (0..n).map(|k| rest[(first + k) % n]).collect();
             let others = std::iter::once(turned[0]).chain(turned[3..].iter().copied()).collect();

@@ -8,13 +8,15 @@ use super::{FaceId, Groups, Overlap, Refused, Scene, edges, polygon};
 use crate::scene::split::PLANARITY;
 use crate::scene::{MaterialId, SurfaceId};
 
-/// Areas that differ by less than this part of themselves are equal, and faces that differ in less coincide.
+/// The relative difference below which areas are equal and faces coincide.
 const SAME: f64 = 1e-6;
 
 /// The order in which faces that overlap keep the area in common.
 pub(super) struct Ranks(HashMap<FaceId, Rank>);
 
-/// Less is kept first: the class of the area of the flat part, the place of that part from the end of the file, then the same of the face itself.
+/// The key of a face: the lowest keeps the common area.
+///
+/// It consists of the class of the area of the flat part, the place of that part from the end of the file, and the same two of the face itself.
 type Rank = (usize, std::cmp::Reverse<FaceId>, usize, std::cmp::Reverse<FaceId>);
 
 /// The area of something, in m², and the length of its outline, in m.
@@ -41,13 +43,15 @@ impl Extent {
         }
     }
 
-    /// Returns the area that is in doubt.
+    /// Returns the uncertainty of the area, in m².
     fn doubt(self, tolerance: f64) -> f64 {
         (SAME * self.area).max(tolerance * self.length)
     }
 }
 
 impl Ranks {
+    /// Ranks the overlapping faces of a scene.
+    ///
     /// # Errors
     /// [`Refused::Coincident`].
     pub(super) fn new(scene: &Scene, overlaps: &[Overlap], tolerance: f64) -> Result<Self, Refused> {
@@ -59,7 +63,7 @@ impl Ranks {
             let larger = extents[0].area.max(extents[1].area);
             larger - common <= extents[0].doubt(tolerance).max(extents[1].doubt(tolerance))
         };
-        // The area in common of two flat parts, and the first faces of it.
+        // The common area of two flat parts, and the first faces of it.
         let mut common: BTreeMap<[FaceId; 2], (f64, [FaceId; 2])> = BTreeMap::new();
         for overlap in overlaps {
             if coincide(overlap.area, overlap.faces.map(|face| own[&face])) {
@@ -89,14 +93,14 @@ impl Ranks {
         Ok(Self(faces.iter().map(|&face| (face, rank(face))).collect()))
     }
 
-    /// Returns the face that keeps the area in common first.
+    /// Returns the two faces, the one that keeps the common area first.
     pub(super) fn ordered(&self, mut faces: [FaceId; 2]) -> [FaceId; 2] {
         faces.sort_unstable_by_key(|face| self.0[face]);
         faces
     }
 }
 
-/// Returns the places of things in the order of their areas, the same for those that differ by rounding.
+/// Returns the ranks of things by area; areas that differ by rounding have the same rank.
 fn classes(things: impl Iterator<Item = (FaceId, Extent)>, tolerance: f64) -> HashMap<FaceId, usize> {
     let mut sorted: Vec<(FaceId, Extent)> = things.collect();
     sorted.sort_unstable_by(|a, b| a.1.area.total_cmp(&b.1.area).then(a.0.cmp(&b.0)));
@@ -112,7 +116,9 @@ fn classes(things: impl Iterator<Item = (FaceId, Extent)>, tolerance: f64) -> Ha
     class_of
 }
 
-/// Joins the faces of a scene that continue one another in one plane, with one surface and one material; returns the extents of those parts that have one of `wanted`.
+/// Joins the faces of a scene that continue one another in one plane, with one surface and one material.
+///
+/// Returns the extents of the parts that contain one of the faces `wanted`.
 fn flat_parts(scene: &Scene, wanted: &BTreeSet<FaceId>, tolerance: f64) -> (Groups, HashMap<FaceId, Extent>) {
     let kinds: BTreeSet<(SurfaceId, MaterialId)> = wanted.iter().map(|&face| kind(scene, face)).collect();
     let candidates: Vec<FaceId> = scene
@@ -152,7 +158,7 @@ fn kind(scene: &Scene, face: FaceId) -> (SurfaceId, MaterialId) {
     (face.surface, face.material)
 }
 
-/// Returns whether two faces with an edge in common look the same way from one plane.
+/// Returns whether two faces with a common edge lie in one plane and face the same way.
 fn in_one_plane(scene: &Scene, face: FaceId, other: FaceId, tolerance: f64) -> bool {
     let measured = [face, other].map(|face| {
         let corners = scene.polygon(face);
@@ -163,7 +169,7 @@ fn in_one_plane(scene: &Scene, face: FaceId, other: FaceId, tolerance: f64) -> b
     let normals = [vector, other_vector].map(|vector| vector.normalize_or_zero());
     let areas = [vector, other_vector].map(|vector| vector.length());
     let size = corners[0].distance(corners[1]).max(others[0].distance(others[1]));
-    // Beyond a face its plane is off by as much more as the other one is larger.
+    // Outside a face the error of its plane grows with the ratio of the other face's area to its own.
     let off = |k: usize| tolerance * (1.0 + areas[1 - k] / areas[k].max(f64::MIN_POSITIVE)) + PLANARITY * size;
     let is_level =
         |k: usize, from: &[DVec3], of: &[DVec3]| of.iter().all(|&v| normals[k].dot(v - from[0]).abs() <= off(k));

@@ -43,7 +43,7 @@ fn scene(drawn: &[Drawn], (turn, shift): (DQuat, DVec3)) -> Scene {
     scene
 }
 
-/// Rounds a scene as a file with so many decimals does.
+/// Rounds the coordinates of a scene to a number of decimals, as a file does.
 fn rounded(mut scene: Scene, places: usize) -> Scene {
     let mut written = Written::default();
     for v in &mut scene.vertices {

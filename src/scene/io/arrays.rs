@@ -1,4 +1,4 @@
-//! Scenes from arrays in memory, parted into surfaces as those of files are.
+//! Scenes from arrays in memory, divided into surfaces as those of files are.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -15,13 +15,13 @@ pub(crate) const NAME: &str = "scene";
 /// Faces in memory, with their surfaces and materials.
 #[derive(Clone, Copy, Debug)]
 pub struct Arrays<'a> {
-    /// The vertices, in the unit and axes that the options say.
+    /// The vertices, in the unit and axes of the options.
     pub vertices: &'a [[f64; 3]],
     /// The vertices of all faces, one face after another, counter-clockwise seen from the front.
     pub corners: &'a [u32],
     /// Where the corners of each face end.
     pub ends: &'a [usize],
-    /// The names of the surfaces; empty where faces are parted at creases, as those of a file without names.
+    /// The names of the surfaces; empty to divide faces at creases, as in a file without names.
     pub surface_names: &'a [String],
     /// The surface of each face; empty where there are no names.
     pub surfaces: &'a [u32],
@@ -32,7 +32,7 @@ pub struct Arrays<'a> {
 }
 
 impl Arrays<'_> {
-    /// Returns an upper bound of the memory that it takes to make a scene of them, in bytes.
+    /// Returns an upper bound of the memory needed to make a scene of the arrays, in bytes.
     pub(crate) fn needed_bytes(&self) -> u64 {
         let counts = Counts {
             vertices: self.vertices.len() as u64,
@@ -45,7 +45,7 @@ impl Arrays<'_> {
 
 /// Makes a scene of arrays as [`load_with`](super::load_with) does of a file; faces are numbered from 0.
 ///
-/// Every f64 of a coordinate survives. Faces with the same reflectance and exitance share a material. Options about files play no part.
+/// Every f64 of a coordinate survives. Faces with the same reflectance and exitance share a material. Options about files have no effect.
 ///
 /// # Errors
 /// As [`load`](super::load), with the number of the face or vertex.
@@ -106,7 +106,7 @@ fn at_face(number: u32) -> Origin {
     Numbering::Memory.origin("", number)
 }
 
-/// Refuses coordinates and faces that are none.
+/// Refuses invalid coordinates and faces.
 fn expect_sound(arrays: &Arrays<'_>) -> Result<(), SceneError> {
     let is_bad = |x: &&f64| x.is_nan() || x.abs() > MAX_COORDINATE;
     for (k, vertex) in arrays.vertices.iter().enumerate() {

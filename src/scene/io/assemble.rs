@@ -1,4 +1,4 @@
-//! From the polygons of a file to a scene.
+//! Builds a scene from the polygons of a file.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use crate::scene::{
     SceneWarningKind,
 };
 
-/// The surface of all faces with [`LoadOptions::one_surface`], and of faces of no surface where others have one.
+/// The surface of all faces with [`LoadOptions::one_surface`], and of faces without a surface where others have one.
 const DEFAULT_SURFACE: &str = "default";
 
 /// Makes a scene of the polygons of a file.
@@ -84,7 +84,7 @@ fn expect_vertices(polygons: &Polygons, file: &Path) -> Result<(), SceneError> {
     Ok(())
 }
 
-/// Counts faces in place of lines, where several stand on one: faces of one line are parts of one outline.
+/// Numbers the faces instead of the lines where several faces share a line, as faces of one line would be parts of one outline.
 fn number_apart(polygons: &mut Polygons) {
     let is_shared = |pair: &[FileFace]| pair[0].number == pair[1].number;
     if polygons.numbering == Numbering::Lines && polygons.faces.windows(2).any(is_shared) {
@@ -104,7 +104,7 @@ fn place(polygons: &mut Polygons, options: &LoadOptions) {
     polygons.written.scale(options.unit.metres(1.0));
 }
 
-/// Joins vertices that are nearly equal, as far as that is wanted, or counts them. Returns the first vertex at the place of each, if that is known.
+/// Joins or counts nearly equal vertices, as the options require; returns the first vertex at the place of each, if known.
 fn join(polygons: &mut Polygons, file: &Path, options: &LoadOptions) -> Option<Vec<u32>> {
     let warn = |kind| SceneWarning::new(Origin::file(file), kind);
     if options.merge_tolerance > 0.0 {
@@ -286,7 +286,7 @@ impl Assembly<'_> {
         self.builder.material(material).map_err(|error| refused(error.kind))
     }
 
-    /// Returns the doubts about a material; of those that are not diffuse the first one, and how many there are.
+    /// Adds the warnings about a material; of materials that are not diffuse it keeps the first warning and their number.
     fn doubt(&mut self, doubts: &[SceneWarning]) {
         for doubt in doubts {
             let told = self.warnings.iter_mut().find_map(|warning| match &mut warning.kind {

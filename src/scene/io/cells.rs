@@ -1,11 +1,11 @@
-//! Cells of meshes: which types are faces, and which arrays say what surface a face is of.
+//! Cells of meshes: the types that are faces, and the arrays that name surfaces.
 
 use super::LoadOptions;
 use super::polygons::{Names, Polygons};
 use super::source::Source;
 use crate::scene::{Origin, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind};
 
-/// The names of cell arrays whose values are taken as surfaces unless [`LoadOptions::surface_array`] names another; the first one that a file has counts.
+/// The names of cell arrays whose values become surfaces unless [`LoadOptions::surface_array`] names another; the first one in a file counts.
 #[rustfmt::skip]
 pub const USUAL_ARRAYS: [&str; 20] = [
     "surface", "surface_id", "SurfaceId", "surfaces", "gmsh:physical",
@@ -37,7 +37,7 @@ impl Array {
     }
 }
 
-/// Gives the faces the surfaces that an array says: its texts, or `surfaceN` for a whole number N.
+/// Assigns surfaces to the faces by an array: its texts, or `surfaceN` for a whole number N.
 pub(super) fn surfaces(
     polygons: &mut Polygons,
     arrays: Vec<Array>,
@@ -97,7 +97,7 @@ pub(super) fn unknown(name: &str, usable: &[Array]) -> SceneErrorKind {
 /// A type of cells of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cell {
-    /// A face of so many corners, which are its first vertices; true if it has more vertices, between these.
+    /// A face with its number of corners, which are its first vertices; true if it has further vertices between these.
     Face(usize, bool),
     /// A point or a line.
     Thin,
@@ -105,7 +105,7 @@ pub(super) enum Cell {
     Volume,
 }
 
-/// The numbers of cells of a file that are no flat faces.
+/// The numbers of cells of a file that are not flat faces.
 #[derive(Debug, Default)]
 pub(super) struct Others {
     pub(super) thin: usize,
@@ -123,7 +123,7 @@ impl Others {
         }
     }
 
-    /// Returns the warnings of what was skipped or flattened.
+    /// Returns the warnings about skipped or flattened cells.
     pub(super) fn warnings(&self, file: &std::path::Path) -> Vec<SceneWarning> {
         let skipped = |count, what| SceneWarningKind::SkippedElements { count, what };
         let kinds = [

@@ -1,4 +1,4 @@
-//! Surfaces of files that name none: connected pieces between creases.
+//! Divides faces of files without surface names into connected pieces between creases.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -7,12 +7,13 @@ use super::polygons::Polygons;
 use crate::disjoint_sets::DisjointSets;
 use crate::geometry::polygon;
 
-/// Faces at one edge beyond which none is joined over it: nothing that is a surface has such an edge.
+/// The number of faces at one edge beyond which none are joined over it: no proper surface has such an edge.
 const MAX_AT_EDGE: usize = 64;
 
-/// Gives all faces surfaces: the pieces that are connected over edges at which normals differ by no more than an angle, in degrees. `first` is the first vertex at the place of each.
+/// Assigns surfaces to all faces: pieces that are connected over edges where normals differ by no more than an angle, in degrees.
 ///
-/// A piece of one face is `faceN`, one of more is `partN`, with N its first face, counted from 1. Faces without an area join nothing. Work: O(n log n) for n corners.
+/// A piece of one face is `faceN`, one of more is `partN`, with N its first face, counted from 1. Faces without an area join nothing. `first` is the first vertex at the place of each.
+/// Work: O(n log n) for n corners.
 pub(super) fn part(polygons: &mut Polygons, first: &[u32], crease_angle: f64) {
     let least_cosine = crease_angle.to_radians().cos();
     let mut normals = Vec::with_capacity(polygons.faces.len());
@@ -42,7 +43,7 @@ pub(super) fn part(polygons: &mut Polygons, first: &[u32], crease_angle: f64) {
         for (k, &(_, one)) in at_edge.iter().enumerate() {
             for &(_, other) in &at_edge[k + 1..] {
                 let is_smooth = match (normals[one as usize], normals[other as usize]) {
-                    // A rounding of the cosine does not make a crease of a plane.
+                    // The margin keeps rounding of the cosine from making creases in a plane.
                     (Some(a), Some(b)) => a.dot(b) >= least_cosine - 1e-12,
                     _ => false,
                 };

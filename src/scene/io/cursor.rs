@@ -1,4 +1,4 @@
-//! A place in a scene file, from which text and binary numbers are read, with the place of whatever is wrong.
+//! Reads text and binary numbers from a scene file, and reports errors with their place.
 
 use std::io::Read as _;
 use std::ops::Range;
@@ -9,7 +9,7 @@ use super::scalar::Binary;
 use super::source::{Source, Span};
 use crate::scene::{Origin, SceneError, SceneErrorKind};
 
-/// A place in a scene file: a window of the file in memory, and what comes behind that.
+/// A place in a scene file: a window of the file in memory, and the unread rest.
 pub(super) struct Cursor<'a> {
     source: &'a Source<'a>,
     behind: Span<'a>,
@@ -18,7 +18,7 @@ pub(super) struct Cursor<'a> {
     at: usize,
     /// The last word or line, in the window.
     last: Range<usize>,
-    /// The line of the place, from 1; of no meaning behind binary numbers.
+    /// The line of the place, from 1; meaningless after binary numbers.
     line: u32,
     /// True if the least byte of a binary number comes first.
     pub(super) is_little: bool,
@@ -68,7 +68,7 @@ impl<'a> Cursor<'a> {
         SceneError::new(Origin::Element { path, element }, kind)
     }
 
-    /// Brings so many bytes into the window, or as many as are left; returns whether there are so many.
+    /// Extends the window to the given number of bytes, or as many as are left; returns whether they suffice.
     fn fill(&mut self, n: usize) -> Result<bool, SceneError> {
         let have = self.rest().len();
         if have >= n || self.behind.left() == 0 {
@@ -89,7 +89,7 @@ impl<'a> Cursor<'a> {
         Ok(self.window.len() >= n)
     }
 
-    /// Returns how many bytes come before the first for which `is_end` holds, or before the end of the file.
+    /// Returns the number of bytes before the first for which `is_end` holds, or before the end of the file.
     fn length_until(&mut self, is_end: impl Fn(u8) -> bool) -> Result<usize, SceneError> {
         let mut n_seen = 0;
         loop {
@@ -103,18 +103,18 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Returns the last word or line that was read, until something else is.
+    /// Returns the last word or line, until the next read.
     pub(super) fn last(&self) -> &str {
         std::str::from_utf8(&self.window[self.last.clone()]).unwrap_or("\u{fffd}")
     }
 
-    /// Returns the rest of the line, without its end and blanks at both; `None` at the end of the file.
+    /// Returns the rest of the line, without its end and surrounding blanks; `None` at the end of the file.
     pub(super) fn next_line(&mut self) -> Result<Option<&str>, SceneError> {
         if !self.fill(1)? {
             return Ok(None);
         }
         let length = self.length_until(|byte| matches!(byte, b'\n' | b'\r'))?;
-        // Both bytes of an end of Windows.
+        // A line end of Windows has two bytes.
         self.fill(length + 2)?;
         let line = self.line;
         let n_end = match self.rest()[length..] {
@@ -132,7 +132,7 @@ impl<'a> Cursor<'a> {
         Ok(Some(self.last()))
     }
 
-    /// Reads the next line that has something in it, and returns its number.
+    /// Reads the next line that is not blank, and returns its number.
     pub(super) fn next_full_line(&mut self) -> Result<Option<u32>, SceneError> {
         loop {
             let line = self.line;
@@ -144,9 +144,9 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Returns whether the next line that has something in it begins with some text, and reads none.
+    /// Returns whether the next line that is not blank begins with the given text, without reading it.
     pub(super) fn is_before(&mut self, text: &str) -> Result<bool, SceneError> {
-        // Blanks that fill a window are none before a line: in binary files numbers come here.
+        // Blanks that fill a window cannot precede a line: in binary files these are numbers.
         self.fill(self.source.window.max(text.len() + 2))?;
         Ok(self.rest().trim_ascii_start().starts_with(text.as_bytes()))
     }
@@ -170,7 +170,7 @@ impl<'a> Cursor<'a> {
         Ok(())
     }
 
-    /// Returns the next word, on whatever line it stands; a replacement character for what is no text.
+    /// Returns the next word, on any line; a replacement character for bytes that are not text.
     pub(super) fn word(&mut self) -> Result<Option<&str>, SceneError> {
         self.skip_blanks()?;
         let length = self.length_until(|byte| byte.is_ascii_whitespace())?;
@@ -179,7 +179,7 @@ impl<'a> Cursor<'a> {
         Ok(Some(self.last()).filter(|text| !text.is_empty()))
     }
 
-    /// Returns the next word, which is to be what `expected` says.
+    /// Returns the next word; at the end of the file, the error that `expected` is missing.
     pub(super) fn expect_word(&mut self, expected: &str) -> Result<&str, SceneError> {
         if self.word()?.is_none() {
             return Err(self.malformed(expected, "the end of the file"));
@@ -187,7 +187,7 @@ impl<'a> Cursor<'a> {
         Ok(self.last())
     }
 
-    /// Returns the error that something else was expected than what was found.
+    /// Returns the error that `expected` was required and `found` was read.
     pub(super) fn malformed(&self, expected: &str, found: &str) -> SceneError {
         self.error(SceneErrorKind::malformed(expected, found))
     }
@@ -198,7 +198,7 @@ impl<'a> Cursor<'a> {
         number.map_err(|_| self.malformed(expected, self.last()))
     }
 
-    /// Returns a count that a file states of things that take at least so many bytes each, if there is room for them.
+    /// Returns a stated count as a usize if the rest of the file has room for as many things of at least `least_bytes` each.
     pub(super) fn count(&self, n: u64, least_bytes: u64, what: &'static str) -> Result<usize, SceneError> {
         let room = self.left() / least_bytes.max(1);
         match usize::try_from(n) {
@@ -220,7 +220,7 @@ impl<'a> Cursor<'a> {
         Ok(&self.window[self.at - n..self.at])
     }
 
-    /// Goes on behind so many bytes.
+    /// Skips the given number of bytes.
     pub(super) fn skip(&mut self, n: u64, what: &'static str) -> Result<(), SceneError> {
         if n > self.left() {
             return Err(self.cut_short(what));
@@ -237,9 +237,9 @@ impl<'a> Cursor<'a> {
         self.take(T::BYTES, what).map(|bytes| T::of(bytes, is_little))
     }
 
-    /// Goes on behind the line of some text alone, such as `$EndNodes`; false if there is none.
+    /// Skips to the line after one that consists of the given text, such as `$EndNodes`; returns false if there is none.
     pub(super) fn skip_past_line(&mut self, text: &str) -> Result<bool, SceneError> {
-        // Binary numbers may make a line of any length: one that is longer than this is passed over part by part.
+        // Binary numbers may form a line of any length; longer lines than this are skipped part by part.
         let longest = self.source.window.max(text.len() + 2);
         let mut is_start = true;
         while self.left() > 0 {

@@ -1,4 +1,4 @@
-//! The formats of scene files in one list, and which of them a file has.
+//! The list of the formats of scene files, and the detection of a file's format.
 
 use std::fmt;
 use std::io::Read as _;
@@ -13,7 +13,7 @@ use super::{LoadOptions, gltf, msh, obj, ply, stl, vs3, vtk};
 use crate::input_file;
 use crate::scene::{Origin, SceneError, SceneErrorKind};
 
-/// All formats: of files that more than one recognises, the first one counts; a file that shows none of them is OBJ.
+/// All formats: if several recognise a file, the first one counts; if none does, the file is OBJ.
 static REGISTRY: [&dyn Reader; 7] = [
     &gltf::Gltf,
     &ply::Ply,
@@ -47,13 +47,15 @@ impl Format {
         self.0.name()
     }
 
-    /// Returns what it is, in a few words.
+    /// Returns a description in a few words.
     #[must_use]
     pub fn summary(self) -> &'static str {
         self.0.summary()
     }
 
-    /// Returns the format of a file: by its content, and if that shows none, by its suffix; OBJ, where neither shows one. What a pipe will give cannot be looked at.
+    /// Returns the format of a file: by its content, else by its suffix, else OBJ.
+    ///
+    /// The content of a pipe is not examined.
     ///
     /// # Errors
     /// Errors of the file system.
@@ -71,10 +73,10 @@ impl Format {
         Ok(Self::of_start(path, &Head { bytes, length }))
     }
 
-    /// Returns the format of a file with some start.
+    /// Returns the format of a file from its first bytes.
     pub(super) fn of_start(path: &Path, head: &Head<'_>) -> Self {
         let has_suffix = |format: &Self| format.has_suffix(path);
-        // Of several that the content allows, the one of the suffix.
+        // If the content fits several formats, the suffix decides.
         let shown = Self::all().filter(|format| format.0.recognises(head));
         let best = shown.min_by_key(|format| !has_suffix(format));
         best.or_else(|| Self::all().find(has_suffix)).unwrap_or(Self(&obj::Obj))
@@ -100,7 +102,7 @@ impl Format {
         self.0.read(source, options)
     }
 
-    /// Returns the other files that a file names, as far as they exist, without reading the scene.
+    /// Returns the existing files that a file names, without reading the scene.
     #[cfg(feature = "cli")]
     pub(crate) fn companions(self, path: &Path) -> Vec<PathBuf> {
         self.0.companions(path)

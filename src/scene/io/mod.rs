@@ -1,11 +1,11 @@
-//! Scene files: one reader a format, behind one trait, and one way from what they hold to a [`Scene`](super::Scene).
+//! Reads scene files: one reader per format, behind one trait, and one path from its polygons to a [`Scene`](super::Scene).
 //!
 //! [`Format`] lists the formats and detects that of a file. A reader returns the polygons of a file, with the names of surfaces and
-//! materials; `assemble` scales and turns them, joins vertices, parts faces into surfaces where the file names none, and hands them to a
+//! materials. `assemble` scales and turns them, joins vertices, divides faces into surfaces where the file names none, and passes them to a
 //! [`SceneBuilder`](super::SceneBuilder), which checks them.
 //!
-//! The readers are our own: of the libraries for these formats none reports the line or element of what is wrong, keeps all digits of
-//! text and how many there are, or bounds memory by the length of the file where a header lies.
+//! The readers are our own. The libraries for these formats do not report the line or element of an error, do not keep all digits of
+//! text and their number, and do not bound memory by the length of the file where a header is wrong.
 
 use std::path::Path;
 
@@ -42,7 +42,7 @@ pub(crate) use source::Room;
 
 use source::Source;
 
-/// A scene from a file, and what was doubtful about it.
+/// A scene from a file, with warnings about it.
 #[derive(Clone, Debug)]
 pub struct Loaded {
     /// The scene.
@@ -54,7 +54,7 @@ pub struct Loaded {
 /// The reflectance of a material that states none.
 pub const DEFAULT_REFLECTANCE: f64 = 0.5;
 
-/// Numbers of what a scene has.
+/// The numbers of elements of a scene.
 #[derive(Clone, Copy, Debug, Default)]
 struct Counts {
     vertices: u64,
@@ -62,14 +62,15 @@ struct Counts {
     faces: u64,
 }
 
-/// Bytes for a vertex, a corner and a face while a scene is read and looked at: in the polygons of the file, in the scene, and in the tables that find equal vertices,
-/// faces that repeat and edges.
+/// Bytes per vertex, corner and face while a scene is read and checked.
+///
+/// They include the polygons of the file, the scene, and the tables that find equal vertices, repeated faces and edges.
 const VERTEX_BYTES: u64 = 96;
 const CORNER_BYTES: u64 = 96;
 const FACE_BYTES: u64 = 160;
 
 impl Counts {
-    /// Returns an upper bound of the memory that it takes to make a scene, beside the file's own bytes.
+    /// Returns an upper bound of the memory needed to make a scene, without the file's own bytes.
     fn bytes(self) -> u64 {
         let all = [
             (self.vertices, VERTEX_BYTES),
@@ -95,24 +96,23 @@ impl Counts {
 /// - Materials: `Kd` is the reflectance ρ, `Ke` the exitance E in W·m⁻²; one number stands for all three channels (OBJ). glTF: ρ is the base colour, E = π × emissive factor × strength. View3D: ρ = 1 − ε.
 ///   Without a reflectance, without a material, or if the library is missing, ρ is [`DEFAULT_REFLECTANCE`], with a warning. Textures are not read, with a warning. [`LoadOptions::materials`] gives others.
 /// - Faces without an area are skipped, with a warning. Faces of opposite winding may coincide.
-/// - Where faces of the same winding overlap in one plane, as a door that is drawn on its wall, the smaller one is cut out of the larger one, with a warning: flat parts of one surface and
-///   material count as a whole, and of equal ones the later stays whole. Faces of which one equals the other are an error. What is narrower than the rounding of
-///   the coordinates as they are written is no overlap, nor is what is narrower than that of six digits of the scene's size. Where the file [shows that it was rounded](super::Written::shows_rounding),
+///   material count as a whole, and of equal ones the later stays whole. Coincident faces of one winding are an error. Overlaps narrower than the rounding of
+///   the coordinates as written, or than that of six digits of the scene's size, do not count. Where the file [shows that it was rounded](super::Written::shows_rounding),
 ///   faces that are not along the axes may stand out of the larger one by a unit of each coordinate's last place.
 /// - OBJ: `fo` is read as `f`, and keywords in capitals as in small letters, with a warning. Texture coordinates, normals and attributes are ignored; lines, points, free-form curves and
 ///   surfaces, calls and unknown statements are skipped, with a warning of each kind. Volume cells of gmsh and VTK are skipped, with a warning; cells of higher order are read as flat, through their corners, with a warning.
-/// - A library that is not at the path of `mtllib` is searched by its file name beside the scene file, whatever its case, with a warning.
+/// - A library that does not exist at the path of `mtllib` is searched for by its file name beside the scene file, whatever its case, with a warning.
 ///
-/// Accuracy: coordinates, reflectance and exitance are the nearest f64 to the text, or the numbers of a binary file. How far they may be off what was meant, by the digits of the text or the 24 bits of a binary f32,
-/// is in [`Scene::written`], and is part of the errors of form factors.
+/// Accuracy: coordinates, reflectance and exitance are the nearest f64 to the text, or the numbers of a binary file. [`Scene::written`] holds their possible rounding, by the digits of the text or the
+/// 24 bits of a binary f32; it enters the errors of form factors.
 ///
-/// Memory: that of the scene. OBJ, View3D's input, the JSON of glTF and what a pipe brings are in memory as a whole, of XML the text of one array at a time; all else is read as a stream.
-/// No count of a file is believed beyond what its length allows.
+/// Memory: that of the scene. OBJ, View3D's input, the JSON of glTF and piped files are held in memory as a whole, XML by the text of one array at a time; all others are read as a stream.
+/// Counts in a file are limited by its length.
 ///
 /// # Errors
-/// [`SceneError`], with file, line or element, and remedy: files that cannot be read, are cut short, or hold less than their header says, coordinates or indices that are none, faces with fewer than three
-/// corners, outlines that cross themselves, faces of the same winding that coincide, reflectances outside \[0, 1\], exitances that are negative, above [`MAX_EXITANCE`](super::MAX_EXITANCE), or above 0 and below [`MIN_EXITANCE`](super::MIN_EXITANCE),
-/// power beyond the range of f64, companions outside the scene's folder, and scenes without a usable face.
+/// [`SceneError`], with file, line or element, and remedy: files that cannot be read, are cut short, or hold less than their header states, invalid coordinates or indices, faces with fewer than three
+/// corners, outlines that cross themselves, coincident faces of the same winding, reflectances outside \[0, 1\], exitances that are negative, above [`MAX_EXITANCE`](super::MAX_EXITANCE), or above 0
+/// and below [`MIN_EXITANCE`](super::MIN_EXITANCE), power beyond the range of f64, companions outside the scene's folder, and scenes without a usable face.
 ///
 /// Source: Wavefront's OBJ and MTL, 3D Systems' STL, Stanford's PLY, gmsh's MSH 2.2 and 4.1, VTK's file formats (legacy and XML), Khronos' glTF 2.0, View3D's manual (3.3).
 /// Departures: only polygons; OBJ: capitals; a vertex must stand above the faces that use it; the weight of a vertex is ignored.
@@ -128,7 +128,7 @@ pub fn load_with(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded
     load_within(path.as_ref(), options, &|_| Ok(()))
 }
 
-/// Loads a scene as [`load_with`] does, if there is memory for it: `room` is asked before more is taken.
+/// Loads a scene as [`load_with`] does, within a limit of memory: `room` is called before each allocation.
 pub(crate) fn load_within(path: &Path, options: &LoadOptions, room: Room<'_>) -> Result<Loaded, SceneError> {
     let source = Source::open(path, room)?;
     let format = options.format.unwrap_or_else(|| Format::of_start(path, &source.head()));
@@ -141,19 +141,21 @@ pub(crate) fn load_within(path: &Path, options: &LoadOptions, room: Room<'_>) ->
     if let Some(name) = options.surface_array.as_deref().filter(|_| !format.has_arrays()) {
         return Err(source.error(cells::unknown(name, &[])));
     }
-    // The text is done with before the tables of the scene are made.
+    // Frees the text before the tables of the scene are made.
     drop(source);
     assemble::assemble(polygons, path, options)
 }
 
-/// Returns the error of a file that neither its content nor its suffix shows to be of a format.
+/// Returns the error of a file whose format neither its content nor its suffix shows.
 fn unknown_format(source: &Source<'_>) -> SceneError {
     let message =
         "the format is none of OBJ, STL, PLY, MSH, VTK, glTF and View3D; export one of these, or give --format";
     source.error(SceneErrorKind::unsupported(message))
 }
 
-/// Returns the scene of an OBJ file and the library beside it, both as text: as if it were made in memory, where coordinates are what is meant and no face has a line.
+/// Returns the scene of an OBJ file and its library, both as text.
+///
+/// It counts as made in memory: its coordinates are exact and its faces have no lines.
 pub(super) fn of_texts(obj: &str, library: &str, name: &str) -> Result<Scene, SceneError> {
     let name = Path::new(name);
     let polygons = obj::of_texts(obj, library, name)?;
@@ -163,7 +165,7 @@ pub(super) fn of_texts(obj: &str, library: &str, name: &str) -> Result<Scene, Sc
     Ok(scene)
 }
 
-/// Returns the other files that a scene file names, as far as they exist, without reading the scene; none of what can be read only once.
+/// Returns the existing files that a scene file names, without reading the scene; none for a pipe.
 #[cfg(feature = "cli")]
 pub(crate) fn companions_of(path: &Path, format: Option<Format>) -> Vec<std::path::PathBuf> {
     let is_file = std::fs::metadata(path).is_ok_and(|data| data.is_file());

@@ -1,4 +1,4 @@
-//! How a scene file is read.
+//! Options for reading a scene file.
 
 use std::path::PathBuf;
 
@@ -10,28 +10,29 @@ use crate::scene::MAX_EXITANCE;
 /// The angle, in degrees, beyond which two faces that share an edge belong to different surfaces, where the file names none.
 pub const DEFAULT_CREASE_ANGLE: f64 = 40.0;
 
-/// How a scene file is read.
+/// Options for reading a scene file.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct LoadOptions {
-    /// The format; `None` goes by the content of the file, then by its suffix.
+    /// The format; `None` detects it by the content of the file, then by its suffix.
     pub format: Option<Format>,
-    /// True if the files that a scene file names, as material libraries or buffers, may lie outside its folder. A scene from elsewhere should not make
-    /// the program read whatever its author knows the path of, so that this is off by default.
+    /// True if the files that a scene file names, as material libraries or buffers, may lie outside its folder.
+    ///
+    /// It is off by default: a scene from an untrusted source must not make the program read arbitrary paths.
     pub allow_outside: bool,
     /// The faces whose winding is reversed: their normals were inverted.
     pub flip: Flip,
-    /// The greatest exitance that a material may have, in W·m⁻²: [`MAX_EXITANCE`], or less for what is to be stored with less range.
+    /// The greatest exitance of a material, in W·m⁻²: [`MAX_EXITANCE`], or less where light is stored with a smaller range.
     pub max_exitance: f64,
     /// The unit of the file's lengths.
     pub unit: LengthUnit,
-    /// The file's axis that points upwards; in the scene z does.
+    /// The file's axis that points upwards; in the scene it is z.
     pub up_axis: UpAxis,
     /// The distance, in m, up to which vertices become one: 0 joins equal ones only.
     pub merge_tolerance: f64,
     /// The angle, in degrees, beyond which two faces that share an edge belong to different surfaces, where the file names none.
     pub crease_angle: f64,
-    /// True if all faces are one surface, whatever the file says.
+    /// True if all faces are one surface, whatever the file states.
     pub one_surface: bool,
     /// The cell array of a VTK or PLY file whose values are surfaces; `None` takes the first of the [usual names](super::USUAL_ARRAYS).
     pub surface_array: Option<String>,
@@ -39,7 +40,7 @@ pub struct LoadOptions {
     pub materials: Option<PathBuf>,
 }
 
-/// Faces whose winding is reversed while a scene is read, before anything else is made of them.
+/// The faces whose winding is reversed while a scene is read, before all other steps.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Flip {
     /// None.
@@ -74,7 +75,9 @@ pub enum LengthUnit {
 }
 
 impl LengthUnit {
-    /// Returns a length of this unit in m. Accuracy: the f64 nearest to it for metres, millimetres and centimetres; 1 ulp for the others.
+    /// Returns a length of this unit in m.
+    ///
+    /// Accuracy: the f64 nearest to it for metres, millimetres and centimetres; 1 ulp for the others.
     #[must_use]
     pub fn metres(self, length: f64) -> f64 {
         match self {
@@ -99,7 +102,7 @@ pub enum UpAxis {
 }
 
 impl UpAxis {
-    /// Returns a point of the file in the scene.
+    /// Returns the scene's coordinates of a point of the file.
     #[must_use]
     pub fn turned(self, DVec3 { x, y, z }: DVec3) -> DVec3 {
         match self {
@@ -128,13 +131,13 @@ impl Default for LoadOptions {
 }
 
 impl LoadOptions {
-    /// Returns the options with another format, or with the one that the file shows.
+    /// Returns the options with another format; `None` detects it.
     #[must_use]
     pub fn format(self, format: Option<Format>) -> Self {
         Self { format, ..self }
     }
 
-    /// Returns the options with files outside the scene's folder allowed, or not.
+    /// Returns the options with files outside the scene's folder allowed or not.
     #[must_use]
     pub fn allow_outside(self, allow_outside: bool) -> Self {
         Self { allow_outside, ..self }
@@ -164,7 +167,7 @@ impl LoadOptions {
         Self { up_axis, ..self }
     }
 
-    /// Returns the options with another distance up to which vertices become one, in m.
+    /// Returns the options with another distance, in m, up to which vertices become one.
     #[must_use]
     pub fn merge_tolerance(self, merge_tolerance: f64) -> Self {
         Self {
@@ -173,13 +176,13 @@ impl LoadOptions {
         }
     }
 
-    /// Returns the options with another angle between surfaces that the file does not name, in degrees.
+    /// Returns the options with another crease angle between unnamed surfaces, in degrees.
     #[must_use]
     pub fn crease_angle(self, crease_angle: f64) -> Self {
         Self { crease_angle, ..self }
     }
 
-    /// Returns the options with all faces in one surface, or not.
+    /// Returns the options with all faces in one surface or not.
     #[must_use]
     pub fn one_surface(self, one_surface: bool) -> Self {
         Self { one_surface, ..self }

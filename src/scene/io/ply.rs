@@ -1,4 +1,4 @@
-//! Stanford's PLY, ASCII and binary of both orders.
+//! Reads Stanford's PLY, ASCII and binary of both byte orders.
 
 use glam::DVec3;
 
@@ -94,10 +94,10 @@ struct Element {
 }
 
 impl Element {
-    /// Returns the least bytes of one of these.
+    /// Returns the least bytes of one element.
     fn least_bytes(&self, encoding: Encoding) -> u64 {
         let of = |property: &Property| match encoding {
-            // A digit and a blank, but for the last of the file.
+            // The shortest number is a digit and a blank, but the last one of a file needs no blank.
             Encoding::Ascii => 1,
             _ => property.count.unwrap_or(property.scalar).bytes() as u64,
         };
@@ -105,7 +105,7 @@ impl Element {
     }
 }
 
-/// Reads the header, whose lines are text in each encoding.
+/// Reads the header, which is text in each encoding.
 fn header(cursor: &mut Cursor<'_>) -> Result<(Encoding, Vec<Element>), SceneError> {
     let mut encoding = None;
     let mut elements: Vec<Element> = Vec::new();
@@ -172,7 +172,7 @@ fn header(cursor: &mut Cursor<'_>) -> Result<(Encoding, Vec<Element>), SceneErro
     Ok((encoding, elements))
 }
 
-/// A number of an element; f64 holds all whole numbers of the format.
+/// Reads a number of an element; f64 holds all whole numbers of the format.
 fn value(cursor: &mut Cursor<'_>, scalar: Scalar, encoding: Encoding) -> Result<f64, SceneError> {
     const WHAT: &str = "the elements";
     if encoding == Encoding::Ascii {
@@ -285,7 +285,7 @@ impl Content<'_> {
         Ok(())
     }
 
-    /// Reads the length of a list, which fits into what is left of the file.
+    /// Reads the length of a list, and checks it against the rest of the file.
     fn length(&self, cursor: &mut Cursor<'_>, count: Scalar, of: Scalar) -> Result<usize, SceneError> {
         let n = value(cursor, count, self.encoding)?;
         if !(0.0..=f64::from(u32::MAX)).contains(&n) || n.fract().abs() > 0.0 {

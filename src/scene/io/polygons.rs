@@ -53,7 +53,7 @@ pub(super) struct Polygons {
     pub(super) repeats_vertices: bool,
     /// True of formats that hold no materials.
     pub(super) has_no_materials: bool,
-    /// The faces that are drawn on others as the format wants it, and need no word.
+    /// The number of faces that the format requires to lie on others, which need no warning.
     pub(super) n_drawn: usize,
     pub(super) warnings: Vec<SceneWarning>,
 }
@@ -80,7 +80,7 @@ impl Polygons {
     }
 }
 
-/// Numbers of names, in the order in which they came.
+/// Numbers for names, in the order of their first use.
 #[derive(Debug, Default)]
 pub(super) struct Names {
     pub(super) all: Vec<String>,
@@ -88,17 +88,17 @@ pub(super) struct Names {
 }
 
 impl Names {
-    /// Returns whether a name is among them.
+    /// Returns whether a name has a number.
     pub(super) fn has(&self, name: &str) -> bool {
         self.number_of.contains_key(name)
     }
 
-    /// Returns the number of a name, a new one if it has none.
+    /// Returns the number of a name, and numbers a new one.
     pub(super) fn number(&mut self, name: &str) -> u32 {
         if let Some(&number) = self.number_of.get(name) {
             return number;
         }
-        // No file has so many names that each has a line.
+        // No file has 2³² lines with a name each.
         let number = u32::try_from(self.all.len()).unwrap_or(NONE - 1);
         self.all.push(name.to_owned());
         self.number_of.insert(name.to_owned(), number);

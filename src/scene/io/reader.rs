@@ -1,4 +1,4 @@
-//! A format of scene files: its names, how its files are known, and how they are read.
+//! The interface of the readers of scene files.
 
 #[cfg(feature = "cli")]
 use std::path::{Path, PathBuf};
@@ -11,18 +11,18 @@ use crate::scene::SceneError;
 /// Bytes at the start of a file that show its format.
 pub(super) const HEAD: usize = 1 << 16;
 
-/// A format of scene files: what it is called, how its files are known, and what they hold.
+/// A format of scene files: its names, its detection, and its reader.
 pub(super) trait Reader: Sync {
-    /// Its name, in small letters.
+    /// Returns its name, in small letters.
     fn name(&self) -> &'static str;
 
-    /// Its description, for a list.
+    /// Returns its description, for a list.
     fn summary(&self) -> &'static str;
 
-    /// The suffixes of its files, in small letters.
+    /// Returns the suffixes of its files, in small letters.
     fn suffixes(&self) -> &'static [&'static str];
 
-    /// Returns whether a file begins as those of the format do.
+    /// Returns whether a file begins like those of the format.
     fn recognises(&self, head: &Head<'_>) -> bool;
 
     /// Reads the polygons of a file.
@@ -33,7 +33,7 @@ pub(super) trait Reader: Sync {
         false
     }
 
-    /// Returns the other files that a file names, as far as they exist, without reading the scene.
+    /// Returns the existing files that a file names, without reading the scene.
     #[cfg(feature = "cli")]
     fn companions(&self, _path: &Path) -> Vec<PathBuf> {
         Vec::new()
@@ -55,12 +55,12 @@ impl Head<'_> {
         bytes.trim_ascii_start().starts_with(text.as_bytes())
     }
 
-    /// Returns whether some text is in the head.
+    /// Returns whether the head contains the given text.
     pub(super) fn contains(&self, text: &str) -> bool {
         self.bytes.windows(text.len()).any(|window| window == text.as_bytes())
     }
 
-    /// Returns the whole lines of the head that are text, without blanks at their ends.
+    /// Returns the lines of the head that are text, without blanks at their ends.
     pub(super) fn lines(&self) -> impl Iterator<Item = &str> {
         let lines = self.bytes.split(|byte| matches!(byte, b'\n' | b'\r'));
         lines.filter_map(|line| std::str::from_utf8(line.trim_ascii()).ok())

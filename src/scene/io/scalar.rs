@@ -1,11 +1,11 @@
 //! Binary numbers, and the names of their types in VTK's files and PLY.
 
-/// A number as binary files have it.
+/// A number in a binary file.
 pub(super) trait Binary: Sized {
     /// Its bytes.
     const BYTES: usize;
 
-    /// Returns the number of so many bytes.
+    /// Returns the number in the given bytes.
     fn of(bytes: &[u8], is_little: bool) -> Self;
 }
 
@@ -43,7 +43,7 @@ pub(super) enum Scalar {
 }
 
 impl Scalar {
-    /// Returns the type that legacy files call so, in small letters or capitals.
+    /// Returns the type of that name in legacy files, in small letters or capitals.
     pub(super) fn of_legacy(name: &str) -> Option<Self> {
         Some(match name.to_ascii_lowercase().as_str() {
             "bit" => Self::Bit,
@@ -62,7 +62,7 @@ impl Scalar {
         })
     }
 
-    /// Returns the type that XML files call so.
+    /// Returns the type of that name in XML files.
     pub(super) fn of_xml(name: &str) -> Option<Self> {
         Some(match name {
             "Int8" => Self::I8,
@@ -80,7 +80,7 @@ impl Scalar {
         })
     }
 
-    /// Returns the type that PLY calls so.
+    /// Returns the type of that name in PLY.
     pub(super) fn of_ply(name: &str) -> Option<Self> {
         Some(match name {
             "char" | "int8" => Self::I8,
@@ -109,7 +109,7 @@ impl Scalar {
         !matches!(self, Self::Bit | Self::F32 | Self::F64 | Self::Text)
     }
 
-    /// Reads a whole number, or a letter of a text, from its bytes; `None` of other types.
+    /// Reads a whole number, or a letter of a text, from its bytes; `None` for other types.
     pub(super) fn whole(self, own: &[u8], is_little: bool) -> Option<i64> {
         Some(match self {
             Self::I8 => i8::of(own, is_little).into(),

@@ -1,4 +1,4 @@
-//! The bytes of a scene file, from any place on, without the whole of it in memory.
+//! The bytes of a scene file, read from any place without holding the whole file in memory.
 
 use std::cell::OnceCell;
 use std::fs::File;
@@ -12,19 +12,19 @@ use crate::input_file;
 use crate::scene::lines::line_after;
 use crate::scene::{Origin, SceneError, SceneErrorKind};
 
-/// Returns an error if there is no memory for so many bytes more.
+/// A function that returns an error unless there is memory for the given number of further bytes.
 pub(crate) type Room<'a> = &'a dyn Fn(u64) -> Result<(), SceneErrorKind>;
 
 /// Bytes that are read at once.
 pub(super) const WINDOW: usize = 1 << 20;
 
-/// A scene file or a buffer that one names: its start is read at once, the rest when a reader asks for it.
+/// A scene file or a buffer that one names: its start is read at once, the rest on demand.
 pub(super) struct Source<'a> {
     pub(super) path: PathBuf,
     room: Room<'a>,
     start: Vec<u8>,
     length: u64,
-    /// `None` of what can be read only once, and has been.
+    /// The file; `None` if it could be read only once.
     file: Option<File>,
     bytes: OnceCell<Vec<u8>>,
     /// Bytes that are read at once.
@@ -53,7 +53,7 @@ impl<'a> Source<'a> {
         })
     }
 
-    /// Takes bytes that are in memory for those of a file.
+    /// Returns a source of bytes in memory.
     fn of_bytes(path: &Path, room: Room<'a>, all: Vec<u8>) -> Self {
         Self {
             path: path.to_owned(),
@@ -72,7 +72,7 @@ impl<'a> Source<'a> {
         Self::open(path, self.room).map(|own| Self { window, ..own })
     }
 
-    /// Takes bytes that were decoded for a file of their own.
+    /// Returns a source of decoded bytes.
     pub(super) fn of_part(&self, bytes: Vec<u8>) -> Self {
         let window = self.window;
         Self {
@@ -81,7 +81,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Returns the start of the file, and how long all is.
+    /// Returns the start of the file, and its length.
     pub(super) fn head(&self) -> Head<'_> {
         Head {
             bytes: &self.start,
@@ -98,7 +98,7 @@ impl<'a> Source<'a> {
         Ok(self.bytes.get_or_init(|| all))
     }
 
-    /// Returns so many bytes from a place on, if there is room for them; fewer where the file ends before.
+    /// Returns up to `n` bytes from a place, if memory suffices; fewer at the end of the file.
     pub(super) fn part(&self, from: u64, n: u64) -> Result<Vec<u8>, SceneError> {
         self.expect_room(n.min(self.length.saturating_sub(from)))?;
         let mut own = Vec::new();
@@ -107,7 +107,7 @@ impl<'a> Source<'a> {
         Ok(own)
     }
 
-    /// Returns the bytes between two places, as far as the file had them when it was opened.
+    /// Returns the bytes between two places, within the file's length at its opening.
     pub(super) fn span(&self, from: u64, to: u64) -> Span<'_> {
         let to = to.min(self.length);
         let known = self.bytes.get().map(Vec::as_slice);
@@ -119,7 +119,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Returns the bytes between two places, some of them read ahead.
+    /// Returns a buffered stream of the bytes between two places.
     pub(super) fn stream(&self, from: u64, to: u64) -> impl BufRead + '_ {
         BufReader::with_capacity(self.window, self.span(from, to))
     }
@@ -129,17 +129,17 @@ impl<'a> Source<'a> {
         self.cursor_over(0, self.length)
     }
 
-    /// Begins to read between two places; lines are counted from the first one.
+    /// Begins to read between two places; lines are counted from the first place.
     pub(super) fn cursor_over(&self, from: u64, to: u64) -> Cursor<'_> {
         Cursor::new(self, self.span(from, to))
     }
 
-    /// Refuses what would take more memory than there is, before it is made.
+    /// Refuses an allocation beyond the memory limit, before it is made.
     pub(super) fn expect_room(&self, n_bytes: u64) -> Result<(), SceneError> {
         (self.room)(n_bytes).map_err(|kind| self.error(kind))
     }
 
-    /// Refuses a scene of so many things, if there is no memory for it.
+    /// Refuses a scene of the given numbers of elements, if memory does not suffice.
     pub(super) fn expect(&self, counts: Counts) -> Result<(), SceneError> {
         self.expect_room(counts.bytes())
     }
@@ -149,7 +149,7 @@ impl<'a> Source<'a> {
         SceneError::new(Origin::file(&self.path), kind)
     }
 
-    /// Returns the error of a file that cannot be read on.
+    /// Returns the error of a file whose reading failed.
     pub(super) fn unreadable(&self, source: io::Error) -> SceneError {
         self.error(SceneErrorKind::Unreadable { source })
     }
@@ -160,7 +160,7 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Returns bytes as text, or the line that is none.
+/// Returns bytes as text, or an error with the first line that is not UTF-8.
 pub(super) fn text_of<'t>(path: &Path, bytes: &'t [u8]) -> Result<&'t str, SceneError> {
     std::str::from_utf8(bytes).map_err(|error| {
         let before = &bytes[..error.valid_up_to()];
@@ -169,10 +169,10 @@ pub(super) fn text_of<'t>(path: &Path, bytes: &'t [u8]) -> Result<&'t str, Scene
     })
 }
 
-/// The bytes between two places of a file, which are read from there whatever else is read of the file.
+/// The bytes between two places of a file, read independently of other readers of the file.
 pub(super) struct Span<'a> {
     file: Option<&'a File>,
-    /// The whole file, where it is in memory.
+    /// The whole file, if it is in memory.
     known: &'a [u8],
     at: u64,
     to: u64,
@@ -184,7 +184,7 @@ impl Span<'_> {
         self.to - self.at
     }
 
-    /// Goes on behind so many bytes.
+    /// Skips the given number of bytes.
     pub(super) fn skip(&mut self, n: u64) {
         self.at = self.at.saturating_add(n).min(self.to);
     }
@@ -211,7 +211,7 @@ mod tests {
     use super::super::{Format, LoadOptions};
     use super::*;
 
-    /// The polygons or the error of a file of which so many bytes are read at once.
+    /// Returns the polygons or the error of a file that is read `window` bytes at a time.
     fn outcome(mut source: Source<'_>, window: usize) -> String {
         source.window = window;
         let format = Format::of_start(&source.path, &source.head());

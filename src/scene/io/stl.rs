@@ -1,4 +1,4 @@
-//! 3D Systems' STL, ASCII and binary.
+//! Reads 3D Systems' STL, ASCII and binary.
 
 use std::io::BufRead as _;
 
@@ -47,7 +47,7 @@ impl Reader for Stl {
     }
 }
 
-/// Returns whether a file is as long as its count of triangles says.
+/// Returns whether the length of a file fits its count of triangles.
 fn has_binary_length(bytes: &[u8], length: u64) -> bool {
     let count = bytes
         .get(80..84)
@@ -69,7 +69,7 @@ fn counts(n_triangles: u64) -> Counts {
     }
 }
 
-/// Triangles as they come, with what their normals say.
+/// The triangles read so far, and the agreement of their normals.
 struct Triangles<'a> {
     source: &'a Source<'a>,
     polygons: Polygons,
@@ -118,7 +118,7 @@ impl<'a> Triangles<'a> {
     }
 }
 
-/// The solids of a file, of which one alone names no surface: its name is mostly that of a program.
+/// The solids of a file; a single one names no surface, as its name is mostly that of a program.
 #[derive(Default)]
 struct Solids {
     names: Names,
@@ -126,7 +126,7 @@ struct Solids {
 }
 
 impl Solids {
-    /// Adds a solid, and returns the number of its name.
+    /// Adds a solid, and returns its number.
     fn add(&mut self, name: &str) -> u32 {
         self.n += 1;
         if name.is_empty() {
@@ -147,7 +147,7 @@ impl Solids {
     }
 }
 
-/// Reads a solid, and others behind it, as gmsh writes one for each surface.
+/// Reads a solid and all that follow it, as gmsh writes one for each surface.
 fn binary(source: &Source<'_>) -> Result<Polygons, SceneError> {
     let mut cursor = source.cursor();
     let mut triangles = Triangles::new(source, Numbering::elements("triangle", 1));
@@ -178,7 +178,7 @@ fn binary(source: &Source<'_>) -> Result<Polygons, SceneError> {
             n_before = n_before.saturating_add(n);
         }
         is_first = false;
-        // Less than a triangle is padding.
+        // A rest shorter than a triangle is padding.
         match cursor.left() {
             left if left < TRIANGLE => return Ok(solids.end(triangles)),
             left if left < HEADER as u64 => return Err(left_over(source, n_before, left)),
@@ -187,7 +187,7 @@ fn binary(source: &Source<'_>) -> Result<Polygons, SceneError> {
     }
 }
 
-/// Returns the error of a file that goes on behind the triangles that it states.
+/// Returns the error of a file that is longer than its stated triangles.
 fn left_over(source: &Source<'_>, n: u32, n_bytes: u64) -> SceneError {
     let expected = format!("the end of the file, or another solid, after {n} triangles");
     source.error(SceneErrorKind::malformed(expected, format!("{n_bytes} bytes")))
@@ -216,7 +216,7 @@ fn triangle(cursor: &mut Cursor<'_>, triangles: &mut Triangles<'_>, group: u32, 
     cursor.skip(2, "a triangle")
 }
 
-/// Returns how many corners a file has at most if it is text, in which no byte is 0.
+/// Returns an upper bound of the corners of a text file; `None` if a byte is 0, which text does not contain.
 fn corners_of_text(source: &Source<'_>) -> Result<Option<u64>, SceneError> {
     let mut stream = source.stream(0, u64::MAX);
     let mut n_corners = 0;
@@ -225,7 +225,7 @@ fn corners_of_text(source: &Source<'_>) -> Result<Option<u64>, SceneError> {
         if bytes.contains(&0) {
             return Ok(None);
         }
-        // Each has an x in its keyword, `vertex`, and few other words have one.
+        // Each corner has an x in its keyword, `vertex`, and few other words have one.
         n_corners += bytes.iter().filter(|byte| matches!(byte, b'x' | b'X')).count() as u64;
         let n_read = bytes.len();
         if n_read == 0 {
@@ -256,12 +256,12 @@ fn ascii(source: &Source<'_>, n_corners: u64) -> Result<Polygons, SceneError> {
     Ok(solids.end(triangles))
 }
 
-/// Reads a facet, or the end of a solid, which returns false.
+/// Reads a facet, or the end of a solid; returns false for the latter.
 fn facet(cursor: &mut Cursor<'_>, triangles: &mut Triangles<'_>, group: u32) -> Result<bool, SceneError> {
     cursor.expect_word("`facet` or `endsolid`")?;
     let (word, line) = (cursor.last(), cursor.line());
     if word.eq_ignore_ascii_case("endsolid") || word.eq_ignore_ascii_case("end") {
-        // The name again.
+        // The name is repeated.
         cursor.next_line()?;
         return Ok(false);
     }

@@ -13,7 +13,9 @@ use crate::scene::{
     MAX_COORDINATE, Numbering, Origin, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind, Written,
 };
 
-/// How far a mask stands off its base, as a part of the root of its area: the format has both in one plane and facing each other, which no scene has.
+/// The gap between a mask and its base, as a part of the root of its area.
+///
+/// The format puts both in one plane, facing each other, which a scene does not allow.
 const MASK_GAP: f64 = 1e-4;
 
 /// The surface of obstructions without a name.
@@ -71,7 +73,7 @@ impl Reader for Vs3 {
     }
 }
 
-/// Returns the lines up to the end of the data that have something in them, with their numbers, without comments, and whether a line ends the data.
+/// Returns the non-empty lines of the data, with numbers and without comments, and whether a line ends the data.
 fn content_lines(text: &str) -> (Vec<(u32, &str)>, bool) {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let mut lines = Vec::new();
@@ -116,16 +118,16 @@ struct InputFile<'a> {
     /// Whether a line ends the data.
     has_end: bool,
     at: usize,
-    /// True for `F 3a`, false for `F 3`.
+    /// True for `F 3a`, false for `F 3`, `None` before the statement.
     is_3a: Option<bool>,
     vertices: Vec<DVec3>,
     surfaces: Vec<Surface>,
     written: Written,
-    /// The first line that says nothing, and their number.
+    /// The first unknown line, and their number.
     unknown: Option<(u32, usize)>,
 }
 
-/// The words of an entry, which may go on in the next lines.
+/// The words of an entry, which may continue on the next lines.
 struct Words<'a> {
     line: u32,
     words: std::vec::IntoIter<&'a str>,
@@ -162,7 +164,7 @@ impl<'a> InputFile<'a> {
         word.parse().map_err(|_| self.malformed(words.line, expected, word))
     }
 
-    /// Reads a length, whose digits count.
+    /// Reads a length, and records its digits.
     fn length(&mut self, words: &mut Words<'a>) -> Result<f64, SceneError> {
         let word = self.word(words, "a coordinate")?;
         let value = word.parse::<f64>().ok().filter(|x| x.abs() <= MAX_COORDINATE);
@@ -188,7 +190,7 @@ impl<'a> InputFile<'a> {
         while let Some(mut words) = self.next_line() {
             let keyword = self.word(&mut words, "an entry")?;
             match keyword.as_bytes()[0].to_ascii_uppercase() {
-                // A title, settings of the computation, and a transformation that View3D does not read either.
+                // A title, settings of the computation, and a transformation, which View3D does not read either.
                 b'T' | b'C' | b'X' => {}
                 b'F' => {
                     let format = self.word(&mut words, "`3` or `3a`")?;
@@ -243,7 +245,7 @@ impl<'a> InputFile<'a> {
                 })?);
             }
         }
-        // View3D reads no more of an obstruction.
+        // View3D reads no more words of an obstruction.
         let is_short = kind == Kind::Obstruction;
         let [base, combined] = if is_short && words.words.len() < 4 {
             [0, 0]
@@ -286,7 +288,7 @@ impl<'a> InputFile<'a> {
         Ok(())
     }
 
-    /// Reads the outline of a surface of `F 3a`: origin, azimuth, tilt, then a width and a height, or points in the plane.
+    /// Reads the outline of a surface of `F 3a`: origin, azimuth, tilt, then width and height, or points in the plane.
     fn outline(&mut self, shape: &str, line: u32) -> Result<Vec<DVec3>, SceneError> {
         let n_numbers = match shape {
             "R" | "r" => 7,
@@ -345,7 +347,7 @@ impl<'a> InputFile<'a> {
             let mut corners = surface.corners.clone();
             match surface.kind {
                 Kind::Mask => self.move_off(&mut corners, surface)?,
-                // In the plane of its base it is cut out of this.
+                // In the plane of its base it is cut out of the base.
                 Kind::Null => corners.reverse(),
                 Kind::Surface | Kind::Obstruction => {}
             }
@@ -391,7 +393,7 @@ impl<'a> InputFile<'a> {
         Ok(polygons)
     }
 
-    /// Returns a name of a surface that no other has: each is one of the format's own, whatever it is called.
+    /// Returns a unique name for a surface: each surface of the format stays one, even where names repeat.
     fn name(&self, k: usize, names: &Names) -> String {
         let surface = &self.surfaces[k];
         match (&*surface.name, surface.kind) {
@@ -403,7 +405,7 @@ impl<'a> InputFile<'a> {
         }
     }
 
-    /// Moves a mask off its base, towards where this faces.
+    /// Moves a mask off its base, in the direction that the base faces.
     fn move_off(&self, corners: &mut [DVec3], surface: &Surface) -> Result<(), SceneError> {
         let base = polygon::area_vector(&self.surfaces[surface.base - 1].corners);
         let own = polygon::area_vector(corners);
@@ -418,7 +420,7 @@ impl<'a> InputFile<'a> {
     }
 }
 
-/// Returns the material of a surface: grey, with reflectance 1 − ε; black where nothing is computed of it.
+/// Returns the material of a surface: grey, with reflectance 1 − ε; black for kinds without a result.
 fn material(known: &mut Vec<FileMaterial>, surface: &Surface, source: &Source<'_>) -> u32 {
     let emissivity = match surface.kind {
         Kind::Surface | Kind::Mask => surface.emissivity,

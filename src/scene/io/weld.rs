@@ -1,22 +1,22 @@
-//! Vertices that are one place: equal ones, and those that nearly are.
+//! Vertices at one place: equal or nearly equal ones.
 
 use foldhash::{HashMap, HashMapExt as _};
 use glam::DVec3;
 
-/// Vertices nearer than this part of the scene's size are nearly equal: some steps of f32.
+/// The distance, as a part of the scene's size, within which vertices are nearly equal: some steps of f32.
 pub(super) const NEAR: f64 = 1e-6;
 
-/// Vertices of which some are one.
+/// The result of joining vertices.
 pub(super) struct Welded {
     /// The first vertex at the place of each, \[n\].
     pub(super) first: Vec<u32>,
-    /// How far a vertex is from the one that stands for it, at most, in m.
+    /// The greatest distance of a vertex from the one that replaces it, in m.
     pub(super) moved: f64,
-    /// How many vertices are not equal to the one that stands for them.
+    /// The number of vertices that differ from the one that replaces them.
     pub(super) n_moved: usize,
 }
 
-/// Returns the first vertex at the place of each: bit for bit equal, but for 0 and −0.
+/// Returns the first vertex at the place of each; equal bits are one place, and so are 0 and −0.
 pub(super) fn equal(vertices: &[DVec3]) -> Vec<u32> {
     let mut first_at: HashMap<[u64; 3], u32> = HashMap::with_capacity(vertices.len().min(1 << 16));
     (0..)
@@ -30,25 +30,26 @@ fn bits(vertex: DVec3) -> [u64; 3] {
     (vertex + 0.0).to_array().map(f64::to_bits)
 }
 
-/// Joins vertices that are not farther apart than `tolerance`, in m: in their order, each goes to the nearest of those before that stand for themselves.
+/// Joins vertices that are no farther apart than `tolerance`, in m.
 ///
-/// Work: O(n), unless many vertices that stay apart are in one cube of four times that side.
+/// In their order, each is replaced by the nearest earlier vertex that was not replaced.
+/// Work: O(n), unless many vertices that stay apart are in one cube of side 4 `tolerance`.
 pub(super) fn within(vertices: &[DVec3], tolerance: f64) -> Welded {
     within_of(vertices, equal(vertices), tolerance)
 }
 
-/// Joins vertices as [`within`] does, with the first vertex at the place of each at hand.
+/// Joins vertices as [`within`] does, given the first vertex at the place of each.
 fn within_of(vertices: &[DVec3], mut first: Vec<u32>, tolerance: f64) -> Welded {
     let (mut moved, mut n_moved) = (0.0_f64, 0);
-    // The last vertex that stands for itself in each cell, and of each the one before it there.
+    // The last unreplaced vertex in each cell, and for each vertex the one before it in its cell.
     let mut last: HashMap<[i64; 3], u32> = HashMap::new();
     let mut before: Vec<u32> = vec![u32::MAX; first.len()];
     let side = 4.0 * tolerance;
-    // No less than what a distance up to the tolerance is before it is rounded.
+    // The margin covers the rounding of a distance equal to the tolerance.
     let reach = tolerance * (1.0 + 8.0 * f64::EPSILON);
     for id in 0..first.len() {
         if (first[id] as usize) < id {
-            // What it equals has been joined already.
+            // The vertex that it equals has been joined already.
             first[id] = first[first[id] as usize];
             n_moved += usize::from(vertices[first[id] as usize] != vertices[id]);
             continue;
@@ -75,7 +76,7 @@ fn within_of(vertices: &[DVec3], mut first: Vec<u32>, tolerance: f64) -> Welded 
     Welded { first, moved, n_moved }
 }
 
-/// Returns how many vertices are within `tolerance` of an earlier one that they do not equal; `first` is that of [`equal`].
+/// Returns how many vertices are within `tolerance` of a different earlier one; `first` is the result of [`equal`].
 pub(super) fn n_nearly_equal(vertices: &[DVec3], first: &[u32], tolerance: f64) -> usize {
     let welded = within_of(vertices, first.to_vec(), tolerance);
     // Each place counts once.
@@ -91,7 +92,7 @@ fn cell_of(vertex: DVec3, side: f64) -> [i64; 3] {
     (vertex / side).floor().to_array().map(|x| x as i64)
 }
 
-/// Returns the cells from one to another, along each axis.
+/// Iterates over the cells between two corners.
 fn cells_between(from: [i64; 3], to: [i64; 3]) -> impl Iterator<Item = [i64; 3]> {
     let [x, y, z] = std::array::from_fn(|axis| from[axis]..=to[axis]);
     x.flat_map(move |i| {
@@ -127,7 +128,7 @@ mod tests {
 
     #[test]
     fn no_pair_within_the_tolerance_stays_apart() {
-        // A grid that is shaken by less than the tolerance: all pairs at a distance that counts are found, across cells too.
+        // A grid perturbed by less than the tolerance: all pairs within the tolerance are found, across cells too.
         let mut vertices = Vec::new();
         for k in 0..1000 {
             let base = DVec3::new(f64::from(k % 10), f64::from(k / 10 % 10), f64::from(k / 100)) - 5.0;

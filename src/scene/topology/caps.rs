@@ -1,4 +1,4 @@
-//! Blocks without a bottom that stand on something: as good as closed, as no light passes through what they stand on.
+//! Finds blocks without a bottom that stand on other faces: these are as good as closed, as no light passes below them.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,12 +10,12 @@ use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
 use crate::scene::{FaceId, Positions, Scene};
 
-/// The part of a cap's area that may seem uncovered by rounding.
+/// The fraction of a cap's area that may seem uncovered by rounding.
 const UNCOVERED: f64 = 1e-12;
 
 /// Returns the caps of open pieces whose border lies in planes of other faces that cover the opening: the piece, and the corners of the closing face.
 ///
-/// A piece is named only if all of its border is closed so. `tolerance`: how far corners may be off those planes, m.
+/// A piece is included only if all of its border is closed in this way. `tolerance`: the greatest distance of corners from those planes, m.
 /// Work: O(n log n) and the faces around each border.
 pub(super) fn caps(scene: &Scene, pieces: &Pieces, tolerance: f64) -> Vec<(u32, Vec<DVec3>)> {
     let mut rims: BTreeMap<u32, Vec<[u32; 2]>> = BTreeMap::new();
@@ -36,7 +36,7 @@ pub(super) fn caps(scene: &Scene, pieces: &Pieces, tolerance: f64) -> Vec<(u32, 
             return false;
         }
         let (low, high) = super::bounding_box(cap);
-        // Faces that look up and down may lie on each other: either kind has to cover the cap.
+        // Faces that face up and down may lie on each other: either kind alone has to cover the cap.
         let mut covered = [0.0; 2];
         tree.overlapping((low - tolerance, high + tolerance), &mut |face| {
             let corners = &outlines[face as usize];
@@ -58,7 +58,7 @@ pub(super) fn caps(scene: &Scene, pieces: &Pieces, tolerance: f64) -> Vec<(u32, 
     };
     let of_piece = |(piece, edges): (u32, Vec<[u32; 2]>)| -> Option<Vec<(u32, Vec<DVec3>)>> {
         let caps = loops(&edges)?.into_iter().map(|mut corners| {
-            // The face that is missing runs along the border in the other sense.
+            // The missing face runs along the border in the other sense.
             corners.reverse();
             let cap: Vec<DVec3> = corners.iter().map(|&v| scene.vertices[v as usize]).collect();
             is_covered(piece, &cap).then_some((piece, cap))
@@ -68,7 +68,7 @@ pub(super) fn caps(scene: &Scene, pieces: &Pieces, tolerance: f64) -> Vec<(u32, 
     rims.into_iter().filter_map(of_piece).flatten().collect()
 }
 
-/// Joins edges to closed loops; `None` where more than one edge leaves a vertex, or none.
+/// Joins edges to closed loops; `None` unless exactly one edge leaves each vertex.
 fn loops(edges: &[[u32; 2]]) -> Option<Vec<Vec<u32>>> {
     let next: BTreeMap<u32, u32> = edges.iter().map(|&[from, to]| (from, to)).collect();
     if next.len() < edges.len() {

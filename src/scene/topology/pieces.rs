@@ -1,6 +1,6 @@
 //! The connected pieces of a scene's surface, and which of them are closed.
 //!
-//! A piece is closed if its boundary vanishes: every edge, or every part of one where faces meet in T-junctions, is run along as often in one sense as in the other. Closed pieces
+//! A piece is closed if its boundary vanishes: faces run along every edge, or every part of one in T-junctions, as often in one sense as in the other. Closed pieces
 //! have a winding number around every point, which is constant wherever no face of the piece is crossed.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
@@ -21,14 +21,14 @@ pub(crate) struct Pieces {
     /// The piece of each face, numbered from 0 in the order of their first faces.
     of_face: Vec<u32>,
     is_closed: Vec<bool>,
-    /// The corners of faces whose edges run along those of others only in part, or within rounding: with the corners of those others in between, to the last bit.
+    /// The corners of faces whose edges match those of others only in part, or within rounding, with the corners of the others inserted, to the last bit.
     outlines: HashMap<u32, Vec<DVec3>>,
     /// The edges, or parts of edges, along which open pieces end, in the sense of their faces: the piece, and the vertices at both ends.
     rims: Vec<(u32, [u32; 2])>,
-    /// The caps that close pieces which stand on others: see [`caps`].
+    /// The caps of pieces that stand on others: see [`caps`].
     caps: Vec<(u32, Vec<DVec3>)>,
     is_capped: Vec<bool>,
-    /// Of closed pieces, whether they have no inside: all of their faces lie in one plane.
+    /// Whether closed pieces have no inside, as all of their faces lie in one plane.
     is_flat: Vec<bool>,
     /// See [`Pieces::misfit`].
     misfit: f64,
@@ -38,8 +38,8 @@ impl Pieces {
     /// Finds the pieces of a scene.
     ///
     /// Edges of two faces that run along each other in opposite senses join them, by their vertices or, where these differ, by their positions: vertices within the rounding
-    /// of the coordinates ([`joint`]), or 1e-8 of the smallest face around them, are one, and vertices on an edge part it. Where more faces meet, a piece is closed if its own faces cancel there; of what
-    /// is left, faces that end in the open or at a side where nothing continues them are set aside, the smallest first, until the rest cancels.
+    /// of the coordinates ([`joint`]), or 1e-8 of the smallest face around them, are one, and vertices on an edge divide it. Where more faces meet, a piece is closed if its own faces cancel there.
+    /// Of the rest, faces that end in the open or at a side where nothing continues them are set aside, the smallest first, until the others cancel.
     ///
     /// Work: O(n log n).
     pub(crate) fn of(scene: &Scene) -> Self {
@@ -109,13 +109,13 @@ impl Pieces {
         self.of_face[face.0 as usize]
     }
 
-    /// Returns the piece of a face if it is closed, by itself or by what it stands on.
+    /// Returns the piece of a face if it is closed, by itself or by the faces on which it stands.
     pub(crate) fn closed(&self, face: FaceId) -> Option<u32> {
         let piece = self.of_face(face);
         (self.is_closed[piece as usize] || self.is_capped[piece as usize]).then_some(piece)
     }
 
-    /// Returns what closes pieces that stand on others: the piece, and the corners of the face that is missing.
+    /// Returns the caps that close pieces which stand on others: the piece, and the corners of the missing face.
     pub(crate) fn caps(&self) -> &[(u32, Vec<DVec3>)] {
         &self.caps
     }
@@ -125,7 +125,7 @@ impl Pieces {
         self.is_closed[piece as usize] && self.is_flat[piece as usize]
     }
 
-    /// Returns how wide slits are between faces that were taken to meet, in m, at most; 0 where the rounding of the coordinates explains all of them.
+    /// Returns the greatest width, in m, of slits between faces that were taken to meet; 0 where the rounding of the coordinates explains all of them.
     pub(crate) fn misfit(&self) -> f64 {
         self.misfit
     }
@@ -135,19 +135,19 @@ impl Pieces {
         self.is_closed.len()
     }
 
-    /// Returns the corners of a face such that edges along which closed pieces hang together are the same to the last bit.
+    /// Returns the corners of a face such that common edges of closed pieces are equal to the last bit.
     pub(crate) fn outline(&self, scene: &Scene, face: FaceId) -> Vec<DVec3> {
         let parted = self.outlines.get(&face.0).cloned();
         parted.unwrap_or_else(|| scene.polygon(face))
     }
 
-    /// Returns the parts of edges along which open pieces end, in the sense of their faces, with the numbers of the pieces: vertices at their ends.
+    /// Returns the parts of edges along which open pieces end, in the sense of their faces: the numbers of the pieces, and the vertices at the ends.
     pub(crate) fn rims(&self) -> &[(u32, [u32; 2])] {
         &self.rims
     }
 }
 
-/// Joins faces along edges that no others share, which run along them in opposite senses; returns the other edges in the order of their faces, with their ends.
+/// Joins faces along edges that exactly two of them share in opposite senses; returns the other edges in the order of their faces, with their ends.
 fn join_neighbours(scene: &Scene, sets: &mut DisjointSets) -> Vec<(u32, [u32; 2])> {
     let mut runs: Vec<([u32; 2], u32, u8)> = Vec::with_capacity(4 * scene.faces.len());
     for face in scene.face_ids() {
@@ -163,7 +163,7 @@ fn join_neighbours(scene: &Scene, sets: &mut DisjointSets) -> Vec<(u32, [u32; 2]
     let mut open: Vec<(u32, u8)> = Vec::new();
     for along in runs.chunk_by(|a, b| a.0 == b.0) {
         match *along {
-            // The one edge of a face without length is its own neighbour.
+            // The only edge of a face without length is its own neighbour.
             [([a, b], ..)] if a == b => {}
             [(_, one, k), (_, other, l)] if ends(one, k) != ends(other, l) => {
                 sets.join(one as usize, other as usize);
@@ -175,7 +175,7 @@ fn join_neighbours(scene: &Scene, sets: &mut DisjointSets) -> Vec<(u32, [u32; 2]
     open.into_iter().map(|(face, k)| (face, ends(face, k))).collect()
 }
 
-/// Returns for each piece whether all of it lies in one plane.
+/// Returns for each piece whether it lies in one plane.
 fn flat_ones(scene: &Scene, of_face: &[u32], n: usize) -> Vec<bool> {
     let tolerance = joint(scene);
     let mut planes: Vec<Option<(DVec3, DVec3)>> = vec![None; n];
@@ -191,7 +191,9 @@ fn flat_ones(scene: &Scene, of_face: &[u32], n: usize) -> Vec<bool> {
     is_flat
 }
 
-/// Returns how far apart vertices may be that are one, and a vertex off an edge that it lies on, in m: as far as the rounding of coordinates explains, whatever way the faces look, and some ulps.
+/// Returns the distance, in m, within which vertices are one, and within which a vertex lies on an edge.
+///
+/// It covers the rounding of the coordinates, for any orientation of the faces, and some ulps.
 pub(crate) fn joint(scene: &Scene) -> f64 {
     let coordinates = scene.vertices.iter().map(|v| v.abs().max_element());
     let greatest = coordinates.fold(0.0, f64::max);
@@ -200,17 +202,21 @@ pub(crate) fn joint(scene: &Scene) -> f64 {
     64.0 * f64::EPSILON * greatest + scene.slack().max(of_digits)
 }
 
-/// Faces meet that miss each other by this part of the smaller one's size: coordinates that a program computed, with cancellation, and wrote in full are off by more than their last digit.
+/// The gap, in units of the smaller face's size, up to which faces meet.
+///
+/// Coordinates that a program computed, with cancellation, and wrote in full are off by more than their last digit.
 const COMPUTED: f64 = 1e-8;
 
-/// A part of an edge between two vertices, with the faces, then the sets of faces, that run along it: how often in the sense of `ends`, less how often in the other.
+/// A part of an edge between two vertices, with the faces, or sets of faces, that run along it.
+///
+/// Each has the number of runs in the sense of `ends`, less those in the other.
 struct Joint {
     ends: [u32; 2],
     runs: Vec<(u32, i32)>,
 }
 
 impl Joint {
-    /// Adds up what each set runs along; sets that cancel have no part in it.
+    /// Adds up the runs of each set, and removes sets that cancel.
     fn by_set(&mut self, sets: &mut DisjointSets) {
         let mut sums: BTreeMap<u32, i32> = BTreeMap::new();
         for &(face, sense) in &self.runs {
@@ -220,12 +226,12 @@ impl Joint {
     }
 }
 
-/// Edges that no single other one matches, parted at each other's vertices.
+/// Edges that no single other edge matches, divided at each other's vertices.
 struct Parted {
     edges: Vec<(u32, [u32; 2], Vec<u32>)>,
-    /// Vertices that count as another one.
+    /// Vertices that are replaced by another one.
     welded: HashMap<u32, u32>,
-    /// The greatest distance of vertices that count as one, and of a vertex from an edge that it parts, of those that are above the rounding of the coordinates; in m.
+    /// The greatest distance, in m, of vertices that count as one, and of a vertex from an edge that it divides, among those above the rounding of the coordinates.
     misfit: f64,
 }
 
@@ -236,7 +242,7 @@ impl Parted {
             let (low, high) = super::bounding_box(&scene.positions(&scene.faces[face as usize]));
             rounding.max(COMPUTED * low.distance(high))
         };
-        // By the smallest face around each.
+        // The tolerance of a vertex, by the smallest face around it.
         let mut tolerances: BTreeMap<u32, f64> = BTreeMap::new();
         for &(face, ends) in open {
             let own = of_face(face);
@@ -250,7 +256,7 @@ impl Parted {
         let at = |v: u32| scene.vertices[v as usize];
         let around = |v: &u32| (at(*v) - 0.5 * tolerances[v], at(*v) + 0.5 * tolerances[v]);
         let mut sets = DisjointSets::new(vertices.len());
-        // The faces around each set of vertices: two vertices of one face are two, however small it is.
+        // The faces around each set of vertices: two vertices of one face never become one, however small it is.
         let mut around_set: Vec<BTreeSet<u32>> = vec![BTreeSet::new(); vertices.len()];
         for (face, ends) in open {
             for k in ends.iter().filter_map(|v| vertices.binary_search(v).ok()) {
@@ -358,7 +364,7 @@ impl Parted {
     }
 }
 
-/// After so many sets were set aside one by one, all that do not cancel are.
+/// The number of sets that are set aside one by one; after that, all that do not cancel are.
 const MAX_ROUNDS: usize = 1000;
 
 /// Returns for each set, by its first face, whether it is part of no closed surface.
@@ -382,7 +388,7 @@ fn open_sets(scene: &Scene, joints: &[Joint], sets: &mut DisjointSets) -> Vec<bo
     smallest_first.sort_by(|a, b| areas[a].total_cmp(&areas[b]));
     let mut to_look_at: Vec<usize> = (0..joints.len()).collect();
     for round in 0.. {
-        // Where all run in one sense nothing can ever cancel.
+        // Runs of one sense alone can never cancel.
         while let Some(k) = to_look_at.pop() {
             let left: Vec<(u32, i32)> = joints[k]
                 .runs

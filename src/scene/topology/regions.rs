@@ -1,4 +1,4 @@
-//! On which side of the closed pieces of a scene its faces lie, and whose backs can be seen from there.
+//! Finds on which side of the closed pieces of a scene its faces lie, and whose backs are visible from there.
 
 use std::collections::{BTreeMap, HashSet};
 
@@ -10,7 +10,7 @@ use crate::geometry::clip::clip_contour;
 use crate::geometry::polygon;
 use crate::scene::{FaceId, Scene};
 
-/// A part of space: the closed pieces of surface around it with their winding numbers, −1 for one that faces inwards; empty in the open.
+/// A part of space: the closed pieces around it with their winding numbers, −1 for one that faces inwards; empty in the open.
 type Region = Vec<(u32, i32)>;
 
 /// The regions in front of a face and behind it.
@@ -18,22 +18,22 @@ type Region = Vec<(u32, i32)>;
 pub(super) struct Sides {
     pub(super) front: Region,
     pub(super) back: Region,
-    /// The pieces of other faces that touch the point, of which it is not known on which side it is; ascending.
+    /// The pieces of other faces that touch the point, so that its side of them is unknown; ascending.
     pub(super) touching: Vec<u32>,
 }
 
-/// A face, if it is none that closes a piece, and its piece.
+/// A face, `None` for a cap, and its piece.
 type Owner = (Option<FaceId>, u32);
 
 /// The corners of a face, and its unit normal.
 type Outline = (Vec<DVec3>, DVec3);
 
-/// Where the rays go that tell winding numbers: askew to all that is built along axes and diagonals.
+/// The direction of the rays that find winding numbers: oblique to all usual axes and diagonals.
 const ASKEW: DVec3 = DVec3::new(0.417_022, 0.300_114, 0.857_913);
 
-/// Finds the regions on both sides of faces at points of them. Those of a face of an open piece are the same.
+/// Finds the regions on both sides of faces at points on them; the two regions of a face of an open piece are the same.
 ///
-/// A ray from the point crosses a piece as often from back to front as from front to back, but for its winding number around the point. Edges are shared to the
+/// A ray from the point crosses a piece from back to front as often as from front to back, up to its winding number around the point. Edges are shared to the
 /// last bit ([`Pieces::outline`]), so that a ray through one crosses exactly one of its faces.
 /// Work: O(n log n) and the number of crossings.
 pub(super) fn sides(scene: &Scene, pieces: &Pieces, points: &[(FaceId, DVec3)]) -> Vec<Sides> {
@@ -61,7 +61,7 @@ pub(super) fn sides(scene: &Scene, pieces: &Pieces, points: &[(FaceId, DVec3)]) 
         })
         .unzip();
     let at: Vec<DVec3> = points.iter().map(|&(_, point)| frame * (point - middle)).collect();
-    // Seen along the rays, which are points then.
+    // In a projection along the rays, which become points.
     let around = outlines.iter().map(|(corners, _)| bounding_box(corners));
     let boxes = around.chain(at.iter().map(|&v| (v, v)));
     let boxes = boxes
@@ -91,7 +91,7 @@ pub(super) fn sides(scene: &Scene, pieces: &Pieces, points: &[(FaceId, DVec3)]) 
                 touching.push(piece);
                 return;
             }
-            // The other face of a sheet lies behind the one that the point is on.
+            // The other face of a sheet lies behind the one with the point.
             own_normal.z < 0.0
         };
         if is_ahead {
@@ -106,7 +106,7 @@ pub(super) fn sides(scene: &Scene, pieces: &Pieces, points: &[(FaceId, DVec3)]) 
             touching.dedup();
             let mut back = front.clone();
             if let Some(piece) = pieces.closed(own) {
-                // The ray leaves from the front of the face: where it goes to the back it crosses the face too.
+                // The ray leaves from the front of the face; if it goes to the back, it also crosses the face.
                 let own_turn = i32::from(along.dot(scene.area_vector(own)) < 0.0);
                 front.push((piece, -own_turn));
                 back.push((piece, 1 - own_turn));
@@ -120,7 +120,7 @@ pub(super) fn sides(scene: &Scene, pieces: &Pieces, points: &[(FaceId, DVec3)]) 
         .collect()
 }
 
-/// Returns how near two pieces are that count as touching, in m: less than f32 resolves in a scene of this size, and than a thousandth of its smallest face.
+/// Returns the distance, in m, within which pieces count as touching: below the resolution of f32 in a scene of this size, and below a thousandth of its smallest face.
 pub(super) fn touching(scene: &Scene) -> f64 {
     let (low, high) = scene.bounding_box();
     (1e-7 * low.distance(high)).min(1e-3 * smallest_face(scene))
@@ -138,7 +138,7 @@ fn summed(crossings: Region) -> Region {
 
 /// Returns how often an outline turns around the line through a point along z, counter-clockwise.
 ///
-/// An edge is looked at from its lower end whichever way it is run along, so that those of two faces along it cancel to the last bit.
+/// An edge is evaluated from its lower end in either direction, so that the terms of two faces along it cancel to the last bit.
 fn turns_around(corners: &[DVec3], point: DVec3) -> i32 {
     let mut from = corners[corners.len() - 1];
     let mut turns = 0;
@@ -160,12 +160,12 @@ fn turns_around(corners: &[DVec3], point: DVec3) -> i32 {
 pub(crate) struct View {
     /// The region at the middle of the part.
     region: Region,
-    /// The pieces that touch the part in its middle, or reach it from this side, so that their winding numbers may differ from place to place; ascending.
+    /// The pieces that touch the middle of the part, or reach it from this side, so that their winding numbers may vary over it; ascending.
     unsure: Vec<u32>,
 }
 
 impl View {
-    /// Returns whether the space is for certain inside of a piece that faces inwards, so that no light leaves it for the open.
+    /// Returns whether the space is certainly inside a piece that faces inwards, so that no light leaves it for the open.
     pub(crate) fn is_enclosed(&self) -> bool {
         self.region
             .iter()
@@ -177,7 +177,9 @@ impl View {
         self.unsure.contains(&piece)
     }
 
-    /// Returns whether the winding numbers of all pieces may be the same somewhere on two views: if not, a face of some piece occludes any two points of them from each other.
+    /// Returns whether the winding numbers of all pieces may be the same somewhere in two views.
+    ///
+    /// If not, a face of some piece occludes any two points of the views from each other.
     pub(crate) fn may_meet(&self, other: &Self) -> bool {
         let (here, there) = (&self.region, &other.region);
         let turns = |region: &Region, piece: u32| {
@@ -194,7 +196,7 @@ impl View {
     }
 }
 
-/// Where a flat part of a face lies.
+/// The regions around a flat part of a face.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Place {
     /// The region in front of it.
@@ -203,11 +205,10 @@ pub(crate) struct Place {
     pub(crate) back: View,
 }
 
-/// Finds where flat convex parts of faces lie.
+/// Finds the regions around flat convex parts of faces.
 ///
-/// Faces that reach a part from its front or its back, but at its border alone, make the winding numbers of their pieces unsure on that side; faces in its own plane do not, as those that
-/// bound what stands there reach it too.
-/// Work: O(n log n), and the number of faces whose boxes overlap those of parts.
+/// Faces that reach a part from its front or its back, beyond its border, make the winding numbers of their pieces uncertain on that side. Faces in its own plane do not, as the faces that bound the
+/// space there reach it too. Work: O(n log n), and the number of faces whose boxes overlap those of parts.
 pub(crate) fn places(scene: &Scene, pieces: &Pieces, parts: &[(FaceId, Vec<DVec3>)]) -> Vec<Place> {
     let middles: Vec<(FaceId, DVec3)> = parts
         .iter()
@@ -243,7 +244,7 @@ pub(crate) fn places(scene: &Scene, pieces: &Pieces, parts: &[(FaceId, Vec<DVec3
         }
         let piece = pieces.of_face(FaceId(super::index(face)));
         if pieces.is_sheet(piece) {
-            // Its winding number is 0 wherever anything can be.
+            // The winding number of a sheet is 0 outside its plane.
             return;
         }
         let place = &mut places[part - n];
@@ -257,7 +258,7 @@ pub(crate) fn places(scene: &Scene, pieces: &Pieces, parts: &[(FaceId, Vec<DVec3
     places
 }
 
-/// Returns whether a polygon reaches a flat convex part inside of its border from its front, and from its back.
+/// Returns whether a polygon reaches the interior of a flat convex part from its front, and from its back.
 fn reached(part: &[DVec3], other: &[DVec3], tolerance: f64) -> [bool; 2] {
     let (origin, normal) = (part[0], polygon::area_vector(part).normalize_or_zero());
     let heights = other.iter().map(|&v| normal.dot(v - origin));
@@ -280,7 +281,7 @@ fn reached(part: &[DVec3], other: &[DVec3], tolerance: f64) -> [bool; 2] {
     is_beyond.map(|is_beyond| is_beyond && !near.is_empty())
 }
 
-/// The backs of all faces of a scene, by what can see them.
+/// The backs of all faces of a scene, grouped by their regions.
 #[derive(Clone, Debug)]
 pub(crate) struct Backs {
     /// Backs whose winding numbers are certain.
@@ -301,7 +302,7 @@ impl Backs {
         }
     }
 
-    /// Returns whether no back can be seen from a view, as faces occlude all of them wherever it is.
+    /// Returns whether faces occlude all backs from a view.
     pub(crate) fn are_hidden_from(&self, view: &View) -> bool {
         let may_be_sure = if view.unsure.is_empty() {
             self.sure.contains(view)

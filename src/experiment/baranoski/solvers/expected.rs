@@ -1,4 +1,4 @@
-//! The methods, what the paper says of them, and what they must do.
+//! The methods, with the paper's results and the expected ones.
 
 use super::Case;
 use crate::solver::Start;
@@ -10,13 +10,13 @@ pub struct Method {
     pub name: &'static str,
     /// The solver's name.
     pub solver: &'static str,
-    /// Where it starts.
+    /// The first radiosities.
     pub start: Start,
     /// The interval of Chebyshev's method.
     pub bounds: Option<&'static str>,
-    /// Whether a Krylov method deflates.
+    /// The deflation of a Krylov method.
     pub deflation: Option<&'static str>,
-    /// Whether it goes by single patches.
+    /// True if it proceeds by single patches.
     pub by_steps: bool,
     counts: Option<[u64; 6]>,
     rms: Option<[f64; 6]>,
@@ -27,13 +27,13 @@ pub struct Method {
 /// The expected outcome of a method in a case.
 #[derive(Clone, Copy, Debug)]
 pub struct Expected {
-    /// Passes, or steps where it goes by steps.
+    /// The number of passes, or of steps if it proceeds by steps.
     pub count: Option<u64>,
-    /// RMS error at the end, W·m⁻², to one digit.
+    /// The RMS error at the end, W·m⁻², to one digit.
     pub rms: Option<f64>,
-    /// Table 2 of the paper, s.
+    /// The time in table 2 of the paper, s.
     pub paper_time_s: Option<f64>,
-    /// The paper's passes: its time divided by the time per pass, where that is constant.
+    /// The paper's passes: its time divided by the time per pass, if that is constant.
     pub paper_passes: Option<u64>,
 }
 
@@ -52,7 +52,7 @@ const fn passes(name: &'static str, solver: &'static str, start: Start, counts: 
     }
 }
 
-/// All methods, the paper's and those that it might have had.
+/// All methods: the paper's, and likely alternatives.
 #[rustfmt::skip]
 pub const METHODS: [Method; 11] = [
     Method {
@@ -97,7 +97,7 @@ pub const METHODS: [Method; 11] = [
 ];
 
 impl Method {
-    /// Returns what the method is expected to do in a case.
+    /// Returns the expected outcome of the method in a case.
     #[must_use]
     pub fn expected(&self, case: &Case) -> Expected {
         let k = usize::try_from(u32::from(case.name) - u32::from('A')).unwrap_or(0);
@@ -111,12 +111,12 @@ impl Method {
 }
 
 impl Expected {
-    /// Returns whether a count and an RMS error are what they should be.
+    /// Returns whether a count and an RMS error are as expected.
     ///
-    /// Passes are the same: a pass lowers the residual by a factor of 1.2 to 4, and the form factors of the two implementations differ by far less. The error may
+    /// Passes are equal: a pass lowers the residual by a factor of 1.2 to 4, and the form factors of the two implementations differ by far less. The error may
     /// differ by a factor of 2: it is known to one digit, and changes by as much with one pass. Steps of progressive refinement may differ by 1 %: one
-    /// choice among nearly equal patches changes all that follow (0.2 % was the most in ours). Steps of overshooting may differ by a tenth: max |r A|
-    /// stands still for long, as in case F at 6.4e-3 from pass 5.1 to 5.6, and then drops, so that a threshold missed by a hair is met that much later. Three sets of form factors of ours that
+    /// choice among nearly equal patches changes all that follow (0.2 % was the greatest difference of ours). Steps of overshooting may differ by a tenth: max |r A|
+    /// is nearly constant for long, as in case F at 6.4e-3 from pass 5.1 to 5.6, and then drops, so a threshold missed narrowly is met much later. Three sets of form factors of ours that
     /// differ by less than 1e-6 took 6761, 6820 and 6873 steps there, the independent implementation 6285; in the other cases the difference is 0.2 to 5.5 %.
     pub(super) fn allows(&self, method: &Method, count: u64, rms: f64) -> bool {
         let slack = |expected: u64| match method.solver {

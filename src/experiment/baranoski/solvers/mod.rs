@@ -1,15 +1,15 @@
-//! [`BARANOSKI_1995`](crate::references::BARANOSKI_1995), section 5: the solvers side by side, table 2 and figures 2 to 11 and 17 to 34.
+//! Reproduces section 5 of [`BARANOSKI_1995`](crate::references::BARANOSKI_1995): the solvers side by side, in table 2 and figures 2 to 11 and 17 to 34.
 //!
-//! A cubic room around a sphere, 992 patches, in six cases: the radius of the sphere sets the share of pairs that see each other, the mean reflectance how fast
-//! light dies out. What the paper leaves open, and how it is decided here: the emission is 50 on the light, the reflectances of single walls differ by the factors of the
+//! A cubic room around a sphere, 992 patches, in six cases: the radius of the sphere sets the share of mutually visible pairs, the mean reflectance the rate of
+//! convergence. Choices where the paper is incomplete: the emission is 50 on the light, the reflectances of single walls differ by the factors of the
 //! built-in scenes `sphere-room-r1` and `sphere-room-r2`; **r = 1 gives the density 70 % of cases E and F, r = 2 the 53 % of A to D** (the text suggests the
 //! opposite). n steps, or one application of F, are a pass; all stop at max |r_i A_i| < 1e-3.
 //!
-//! The paper gives times alone, on a machine of 1995. Its passes follow where a method's time per pass is constant; the counts to compare with come from an
+//! The paper gives only times, on a machine of 1995. Its passes follow where a method's time per pass is constant. The expected counts come from an
 //! independent implementation of the corrected algorithms on independently computed form factors.
 //!
-//! Findings of `radiosity reproduce baranoski --tables 2` (form factors `exact` to 1e-6; counts do not depend on the machine): every count of passes is the expected
-//! one where there is one, steps of progressive refinement differ by 0.2 % at most. Passes until max |r A| < 1e-3 W:
+//! Findings of `radiosity reproduce baranoski --tables 2` (form factors `exact` to 1e-6; counts do not depend on the machine): every count of passes equals the expected
+//! one, if there is one, and steps of progressive refinement differ by at most 0.2 %. Passes until max |r A| < 1e-3 W:
 //!
 //! | method | A | B | C | D | E | F |
 //! |---|---|---|---|---|---|---|
@@ -25,10 +25,10 @@
 //! | overshooting | 1.28 | 2.06 | 3.96 | 6.02 | 3.11 | 6.82 |
 //! | selected alike, ± 1 (progressive refinement), % | 98 | 92 | 69 | 39 | 84 | 48 |
 //!
-//! The paper's "over 90 % of the patches are selected the same number of times, ± 1" holds in A and B alone.
-//! The figures, as files that the command writes with `-o DIR`; X is a case, a to f. Each shows all methods from the start to the end:
+//! The paper's "over 90 % of the patches are selected the same number of times, ± 1" holds only in A and B.
+//! The figures are files that the command writes with `-o DIR`; X is a case, a to f. Each shows all methods from the start to the end:
 //!
-//! | figures of the paper | file | what it shows |
+//! | figures of the paper | file | content |
 //! |---|---|---|
 //! | 2 | `figure-2.svg` | the eigenvalues of I − diag(ρ) F in A to D: more reflectance spreads them |
 //! | 3 | `figure-3.svg` | those of C and E: more density draws them together |
@@ -68,13 +68,13 @@ use crate::solver::{
 };
 use model::Model;
 
-/// max |r_i A_i| at which all stop, W: section 4.2 of the paper.
+/// The tolerance on max |r_i A_i| at which all stop, W: section 4.2 of the paper.
 pub const TOLERANCE: f64 = 1e-3;
 
-/// The reference solution's max |r_i|, W·m⁻²: far below the 1e-10 on the residual's norm that the paper asks for.
+/// The tolerance on max |r_i| of the reference solution, W·m⁻²: far below the 1e-10 on the residual's norm in the paper.
 const REFERENCE_TOLERANCE: f64 = 1e-12;
 
-/// Points of a history for each pass of a method that goes by steps.
+/// The points of a history for each pass of a method that proceeds by steps.
 const POINTS_PER_PASS: usize = 16;
 
 /// The outcome of one method in one case.
@@ -135,7 +135,7 @@ pub struct CaseResult {
 }
 
 impl CaseResult {
-    /// Returns true if all counts, errors and verdicts are what they must be.
+    /// Returns true if all counts, errors and verdicts are as expected.
     #[must_use]
     pub fn inside(&self) -> bool {
         self.runs.iter().all(|run| run.inside) && self.printed_forms.iter().all(|form| form.inside)
@@ -205,7 +205,7 @@ fn run_method(
         max_passes: 10_000,
         start: method.start,
         reference: Some(reference),
-        // Sweeps only know a residual that is a sweep old.
+        // Without this, sweeps record a residual that is one sweep old.
         true_history: !method.by_steps,
         ..SolveOptions::default()
     };
@@ -253,7 +253,7 @@ pub fn selected_alike(selections: &[u64]) -> f64 {
     best as f64 / selections.len().max(1) as f64
 }
 
-/// Returns where the method starts: for labels.
+/// Returns the label of a start.
 #[must_use]
 pub fn start_name(start: Start) -> &'static str {
     match start {

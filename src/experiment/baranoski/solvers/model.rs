@@ -45,11 +45,11 @@ pub const CASES: [Case; 6] = [
     case('F', "sphere-room-r1", 70.0, 0.89),
 ];
 
-/// The form-factor method, and its tolerance: far below what a count of passes depends on.
+/// The form-factor method, and its tolerance, far below any effect on a count of passes.
 const METHOD: &str = "exact";
 const FORM_FACTOR_TOLERANCE: f64 = 1e-6;
 
-/// Row sums are made 1 to this.
+/// The tolerance of row sums from 1.
 const BALANCE_TOLERANCE: f64 = 1e-12;
 const BALANCE_PASSES: usize = 500;
 

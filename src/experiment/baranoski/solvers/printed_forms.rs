@@ -1,4 +1,4 @@
-//! The algorithms as they are printed.
+//! Runs the algorithms as printed in the paper, with their misprints.
 
 #![expect(
     clippy::shadow_unrelated,
@@ -52,10 +52,10 @@ pub struct PrintedForm {
     pub inside: bool,
 }
 
-/// Growth of the residual that counts as divergence.
+/// The growth of the residual that counts as divergence.
 const DIVERGED_FROM: f64 = 1e6;
 
-/// The most passes that a printed form may take: enough for the slowest divergence, that of Chebyshev's method in case A.
+/// The limit of passes, sufficient for the slowest divergence, that of Chebyshev's method in case A.
 const MAX_PASSES: usize = 1000;
 
 /// One channel of the system G B = E.
@@ -85,7 +85,7 @@ impl System<'_> {
         self.e.iter().zip(self.g(b)).map(|(e, g)| e - g).collect()
     }
 
-    /// Returns max |r A|, infinity where it is not a number.
+    /// Returns max |r A|, or infinity if it is NaN.
     fn max_power(&self, r: &[f64]) -> f64 {
         let powers = r.iter().zip(self.areas).map(|(r, a)| (r * a).abs());
         powers.fold(0.0, |m, p| if p.is_nan() { f64::INFINITY } else { m.max(p) })
@@ -95,12 +95,12 @@ impl System<'_> {
         x.iter().zip(self.areas).map(|(x, a)| x * a).sum()
     }
 
-    /// Returns ρ_avg.
+    /// Returns the mean reflectance ρ_avg.
     fn rho_avg(&self) -> f64 {
         self.total(self.rho) / self.areas.iter().sum::<f64>()
     }
 
-    /// Returns B = E + ρ Ambient.
+    /// Returns the ambient start B = E + ρ Ambient.
     fn ambient_start(&self) -> Vec<f64> {
         let ambient = self.total(self.e) / (self.areas.iter().sum::<f64>() * (1.0 - self.rho_avg()));
         self.e.iter().zip(self.rho).map(|(e, rho)| e + rho * ambient).collect()
@@ -124,7 +124,7 @@ pub(super) fn run(
     let judge = |name, slip, expected, (b, n_steps): (Vec<f64>, u64)| {
         judge(&system, reference.values(), name, slip, expected, &b, n_steps)
     };
-    // The paper's two failures, with the same reflectance everywhere and E = 1.
+    // The paper's two failures need the same reflectance everywhere and E = 1.
     let uniform = vec![case.rho_avg; system.rho.len()];
     let unit: Vec<f64> = system.e.iter().map(|e| f64::from(u8::from(*e > 0.0))).collect();
     let plain = System {
@@ -211,7 +211,7 @@ fn judge(
     }
 }
 
-/// Section 1.2: B_i = E_i − ρ_i Σ F_ij B_j, in patch order, until nothing moves.
+/// Runs section 1.2: B_i = E_i − ρ_i Σ F_ij B_j, in patch order, until nothing changes.
 fn gauss_seidel(system: &System) -> (Vec<f64>, u64) {
     let mut b = system.e.to_vec();
     let mut n_steps = 0;
@@ -236,7 +236,7 @@ fn gauss_seidel(system: &System) -> (Vec<f64>, u64) {
     (b, n_steps)
 }
 
-/// Section 1.2, Feda's algorithm; R_i is read as ρ_i. What is displayed, B̂ + ΔB, is what is returned.
+/// Runs section 1.2, Feda's algorithm, with R_i read as ρ_i; returns the displayed B̂ + ΔB.
 fn overshooting(system: &System) -> (Vec<f64>, u64) {
     let n = system.e.len();
     let (mut shot, mut unshot) = (vec![0.0; n], system.e.to_vec());
@@ -267,7 +267,7 @@ fn overshooting(system: &System) -> (Vec<f64>, u64) {
     (shot.iter().zip(&unshot).map(|(a, b)| a + b).collect(), n_steps)
 }
 
-/// Section 3.3, with D = r / γ before the loop, which is not printed at all.
+/// Runs section 3.3, with D = r / γ before the loop, which is not printed at all.
 fn chebyshev(system: &System) -> (Vec<f64>, u64) {
     let rho = system.rho_avg();
     let (mu, nu) = (1.0 - rho, 1.0 + rho);
@@ -297,7 +297,7 @@ fn chebyshev(system: &System) -> (Vec<f64>, u64) {
     (b, (n_passes * system.e.len()) as u64)
 }
 
-/// Section 3.2, with V = ρ / A as the text there says; sums begin at zero.
+/// Runs section 3.2, with V = ρ / A as in its text; sums begin at zero.
 fn conjugate_gradients(system: &System) -> (Vec<f64>, u64) {
     let v: Vec<f64> = system.rho.iter().zip(system.areas).map(|(rho, a)| rho / a).collect();
     let scaled = |x: &[f64]| -> Vec<f64> { system.g(x).iter().zip(&v).map(|(g, v)| v * g).collect() };

@@ -39,7 +39,7 @@ const NORMS: [Norm; 4] = [
     },
 ];
 
-/// Returns the report in Markdown, with our times or, as files have it, without.
+/// Returns the report in Markdown, with our times, or without for files.
 pub(in crate::experiment::baranoski) fn report(results: &[CaseResult], with_times: bool) -> String {
     let mut text = String::from(
         "\n## Table 2: solvers on the room with the sphere\n\n\
@@ -259,7 +259,7 @@ fn summary(results: &[CaseResult]) -> Table {
     }
 }
 
-/// Returns what every run met, pass by pass.
+/// Iterates over the history of every run, pass by pass.
 fn entries(results: &[CaseResult]) -> impl Iterator<Item = (&CaseResult, &SolverRun, &HistoryEntry)> {
     let runs = results.iter().flat_map(|of| of.runs.iter().map(move |run| (of, run)));
     runs.flat_map(|(of, run)| run.history.iter().map(move |entry| (of, run, entry)))

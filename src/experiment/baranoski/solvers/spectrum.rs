@@ -8,7 +8,7 @@ use crate::matrix::operator::Block;
 /// Returns the eigenvalues of G = I − diag(ρ) F, ascending.
 ///
 /// With symmetric exchange areas they are those of the symmetric matrix I − diag(ρ A)^½ F diag(ρ / A)^½. One channel. Memory: 8 n² bytes. Accuracy: 1e-13.
-/// Source: Baranoski, Bramley and Shirley 1995, sections 2.1 and 5.2. Departures: none. An empty list where the method does not converge.
+/// Source: Baranoski, Bramley and Shirley 1995, sections 2.1 and 5.2. Departures: none. Returns an empty list if the method does not converge.
 pub(super) fn eigenvalues(factors: &FormFactors, reflectance: &Block) -> Vec<f64> {
     let n = factors.n_rows();
     let areas = factors.areas();

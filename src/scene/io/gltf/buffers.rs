@@ -13,15 +13,15 @@ use super::document;
 use crate::input_file;
 use crate::scene::{Origin, SceneError, SceneErrorKind};
 
-/// A buffer, of which only what is asked for is read.
+/// A buffer, read only where it is used.
 pub(super) struct Buffer<'s> {
-    /// The file of the buffer; `None` of the scene's own.
+    /// The file of the buffer; `None` for the scene's own.
     source: Option<Source<'s>>,
     place: Range<u64>,
 }
 
 impl<'s> Buffer<'s> {
-    /// Finds the bytes of a buffer, whose text in the JSON is dropped; `chunk` is where the scene file has those of its first one.
+    /// Finds the bytes of a buffer, and drops its text from the JSON; `chunk` is the range of the binary chunk in the scene file.
     pub(super) fn find(
         k: usize,
         buffer: &mut document::Buffer,

@@ -1,4 +1,4 @@
-//! The JSON of glTF, as far as a diffuse scene has use for it. Numbers are f64, with all digits of the text.
+//! The JSON of glTF, as far as a diffuse scene needs it; numbers are f64, with all digits of the text.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use serde_json::Value;
 
 #[derive(Deserialize)]
 pub(super) struct Document {
-    /// Only its presence counts: JSON without it is no glTF.
+    /// Only its presence counts: JSON without it is not glTF.
     #[serde(rename = "asset")]
     _asset: Value,
     #[serde(default)]

@@ -1,4 +1,4 @@
-//! The meshes of a glTF file where its nodes put them.
+//! The meshes of a glTF file, placed by its nodes.
 
 use std::collections::HashMap;
 
@@ -15,10 +15,10 @@ use crate::scene::{
     MAX_COORDINATE, Numbering, Origin, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind, Written,
 };
 
-/// Nodes below one another beyond which a file is refused: those of a circle have no end.
+/// The depth of nested nodes beyond which a file is refused: cyclic nodes have no end.
 const MAX_DEPTH: usize = 1 << 10;
 
-/// What is not used of vertices.
+/// The name of unused data in warnings.
 const COLOURS: &str = "colours of vertices";
 
 /// The modes of primitives that are triangles.
@@ -26,12 +26,12 @@ const TRIANGLES: u32 = 4;
 const STRIP: u32 = 5;
 const FAN: u32 = 6;
 
-/// A node, and where it is put.
+/// A node and its transformation.
 #[derive(Clone, Copy)]
 struct Placed {
     node: usize,
     world_from_node: DAffine3,
-    /// How far the numbers of the transformations may be off, as a part of a coordinate and in its unit.
+    /// The error of the transformation's numbers, as a part of a coordinate and in its unit.
     rounding: [f64; 2],
 }
 
@@ -44,7 +44,7 @@ struct Meshes<'a> {
     /// The parts of the file, by the number before their first triangle.
     parts: Vec<(u32, String)>,
     n_thin: usize,
-    /// The meshes of which something is not read, and what.
+    /// The meshes with skipped data, and its name.
     unread: Vec<(usize, &'static str)>,
 }
 
@@ -115,7 +115,7 @@ impl<'a> Meshes<'a> {
         SceneError::new(Origin::Element { path, element }, kind)
     }
 
-    /// Returns the roots of the scene that is shown; of a file without scenes all nodes below no other.
+    /// Returns the roots of the scene that is shown; without scenes, all nodes that have no parent.
     fn roots(&self) -> Vec<usize> {
         let document = self.document;
         if let Some(scene) = document.scenes.get(document.scene) {
@@ -139,7 +139,7 @@ impl<'a> Meshes<'a> {
             world_from_node: DAffine3::IDENTITY,
             rounding: [0.0; 2],
         };
-        // The last one is the next.
+        // The last element is the next node.
         let mut waiting: Vec<(Placed, usize)> = self.roots().into_iter().rev().map(|node| (whole(node), 0)).collect();
         while let Some((parent, depth)) = waiting.pop() {
             let node = parent.node;
@@ -245,7 +245,7 @@ impl<'a> Meshes<'a> {
         let before = u32::try_from(self.polygons.faces.len()).unwrap_or(u32::MAX);
         self.parts.push((before, element.to_owned()));
         let first = u32::try_from(first).unwrap_or(NONE);
-        // A reflection turns the winding of triangles round, and the format turns it back.
+        // A reflection reverses the winding of triangles, and the format requires it to be restored.
         let is_mirrored = placed.world_from_node.matrix3.determinant() < 0.0;
         let mut push = |mut corners: [u32; 3]| {
             if is_mirrored {
@@ -319,7 +319,7 @@ impl<'a> Meshes<'a> {
         Ok(first)
     }
 
-    /// Takes note of how far positions may be off: by a step of f32 in each of three coordinates, as the node scales it, and by its own rounding.
+    /// Records the error of positions: a step of f32 in each of three coordinates, scaled by the node, and the node's own rounding.
     fn note_rounding(&mut self, placed: Placed, greatest: f64, local: &Written) {
         let written = &mut self.polygons.written;
         if placed.world_from_node == DAffine3::IDENTITY {
@@ -335,7 +335,7 @@ impl<'a> Meshes<'a> {
             0.0
         };
         let [part, shift] = placed.rounding;
-        // Numbers of f64 are not rounded.
+        // Numbers of f64 have no rounding to record.
         let least = scale * (of_points + part * greatest) + shift;
         if least > 1e-14 * greatest * scale {
             written.at_least(least);
@@ -443,7 +443,7 @@ fn component_bytes(kind: u32) -> Result<usize, SceneErrorKind> {
     }
 }
 
-/// Returns a component; whole numbers that are normalised fill [−1, 1] or [0, 1].
+/// Returns a component; normalised integers fill [−1, 1] or [0, 1].
 fn component(own: &Accessor, bytes: &[u8]) -> f64 {
     let (value, greatest) = match own.component_type {
         5120 => (i8::of(bytes, true).into(), 127.0),
@@ -460,7 +460,7 @@ fn component(own: &Accessor, bytes: &[u8]) -> f64 {
     }
 }
 
-/// Returns where a node puts what is below it, and how far its numbers may be off: as a part of a coordinate, and in its unit.
+/// Returns the transformation of a node, and the error of its numbers: as a part of a coordinate, and in its unit.
 fn transform(node: &super::document::Node) -> (DAffine3, [f64; 2]) {
     let unit_of = |numbers: &[f64]| {
         let mut written = Written::new();
@@ -481,7 +481,7 @@ fn transform(node: &super::document::Node) -> (DAffine3, [f64; 2]) {
     }
     let rotation = node.rotation.map_or(DQuat::IDENTITY, |rotation| {
         let stated = DQuat::from_array(rotation);
-        // A rotation of f32 is of length 1 to 24 bits.
+        // A quaternion of f32 has length 1 to 24 bits.
         if stated.length_squared() > 0.0 {
             stated.normalize()
         } else {
@@ -494,7 +494,7 @@ fn transform(node: &super::document::Node) -> (DAffine3, [f64; 2]) {
         .to_cols_array()
         .iter()
         .all(|x| (x - x.round()).abs() < 1e-15);
-    // A number of a quaternion counts up to four times in a matrix.
+    // A component of a quaternion enters an element of the matrix up to four times.
     let of_rotation = if is_right_angle {
         0.0
     } else {

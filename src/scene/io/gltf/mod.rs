@@ -15,7 +15,7 @@ use crate::scene::{SceneError, SceneErrorKind};
 use buffers::Buffer;
 use document::Document;
 
-/// Extensions that change nothing that is read, or are read.
+/// Extensions that are read, or do not affect the data that is read.
 const KNOWN_EXTENSIONS: [&str; 12] = [
     "KHR_mesh_quantization",
     "KHR_materials_emissive_strength",
@@ -82,7 +82,7 @@ impl Reader for Gltf {
     }
 }
 
-/// Returns what the JSON of a file says, and where the binary chunk of a GLB is.
+/// Returns the JSON of a file, and the place of the binary chunk of a GLB.
 fn parsed(source: &Source<'_>) -> Result<(Document, Option<Range<u64>>), SceneError> {
     let (json, chunk) = parts(source).map_err(|kind| source.error(kind))?;
     let json = source.part(json.start, json.end - json.start)?;
@@ -91,7 +91,7 @@ fn parsed(source: &Source<'_>) -> Result<(Document, Option<Range<u64>>), SceneEr
     Ok((document.map_err(|error| source.error(malformed(error)))?, chunk))
 }
 
-/// Returns where the JSON of a file is, and the binary chunk of a GLB.
+/// Returns the places of the JSON of a file and of the binary chunk of a GLB.
 fn parts(source: &Source<'_>) -> Result<(Range<u64>, Option<Range<u64>>), SceneErrorKind> {
     const JSON: u32 = 0x4e4f_534a;
     const BINARY: u32 = 0x004e_4942;
@@ -137,13 +137,13 @@ fn parts(source: &Source<'_>) -> Result<(Range<u64>, Option<Range<u64>>), SceneE
     Ok((json, binary))
 }
 
-/// Returns the file of a relative reference.
+/// Returns the file that a relative reference names.
 fn beside(scene_file: &Path, uri: &str) -> PathBuf {
     let name = String::from_utf8_lossy(&percent_decoded(uri)).into_owned();
     scene_file.parent().unwrap_or(Path::new("")).join(name)
 }
 
-/// Returns a text with the bytes that `%20` and the like stand for.
+/// Returns a text with its percent-encoded bytes decoded.
 pub(super) fn percent_decoded(text: &str) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(text.len());
     let mut rest = text.as_bytes();

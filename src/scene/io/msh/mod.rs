@@ -1,4 +1,4 @@
-//! gmsh's MSH 2.2 and 4.1, ASCII and binary.
+//! Reads gmsh's MSH 2.2 and 4.1, ASCII and binary.
 
 use std::collections::{BTreeSet, HashMap};
 use std::str::FromStr;
@@ -52,13 +52,13 @@ impl Reader for Msh {
     }
 }
 
-/// The number of vertices of each type of element, from 1; 0 for what is no type.
+/// The number of vertices of each type of element, from 1; 0 for undefined types.
 const NODES: [u8; 38] = [
     2, 3, 4, 4, 8, 6, 5, 3, 6, 9, 10, 27, 18, 14, 1, 8, 20, 15, 13, 9, 10, 12, 15, 15, 21, 4, 5, 6, 20, 35, 56, 0, 0,
     0, 0, 16, 25, 36,
 ];
 
-/// A type of elements, and its number of vertices.
+/// Returns the cell of a type of elements, and its number of vertices.
 fn element(kind: i64) -> Option<(Cell, usize)> {
     let place = usize::try_from(kind).ok()?.checked_sub(1)?;
     let n = usize::from(*NODES.get(place)?);
@@ -73,7 +73,7 @@ fn element(kind: i64) -> Option<(Cell, usize)> {
     (n > 0).then_some((cell, n))
 }
 
-/// A mesh as it is read, section by section.
+/// A mesh under construction, read section by section.
 struct MeshFile<'a> {
     source: &'a Source<'a>,
     version: (u32, u32),
@@ -96,7 +96,7 @@ struct MeshFile<'a> {
 #[derive(Default)]
 struct Nodes {
     n: u32,
-    /// Of tags that are not 1, 2, 3 and so on.
+    /// The vertices of tags that are not 1, 2, 3 and so on.
     by_tag: HashMap<u64, u32>,
 }
 
@@ -206,10 +206,10 @@ impl<'a> MeshFile<'a> {
         Ok(())
     }
 
-    /// Reads the names of physical groups, which are text in binary files too.
+    /// Reads the names of physical groups, which are text even in binary files.
     fn names(&mut self, cursor: &mut Cursor<'_>) -> Result<(), SceneError> {
         let n: u64 = cursor.number("the number of physical names")?;
-        // A dimension, a tag and two quotes.
+        // The shortest entry: a dimension, a tag and two quotes.
         let n = cursor.count(n, 7, "physical names")?;
         for _ in 0..n {
             let dimension = cursor.number("a dimension")?;
@@ -243,7 +243,7 @@ impl<'a> MeshFile<'a> {
         Ok(x)
     }
 
-    /// Checks a count that a file states, by the least bytes that each takes as text and as binary numbers.
+    /// Checks a stated count against the rest of the file, by the least bytes of each thing as text and as binary numbers.
     fn count(
         &self,
         cursor: &Cursor<'_>,
@@ -269,7 +269,7 @@ impl<'a> MeshFile<'a> {
         (physical, entity): (i64, i64),
         number: u32,
     ) -> Result<(), SceneError> {
-        // Where the group has the entity the other way round, its tag is negative.
+        // The tag is negative where the group contains the entity with reversed orientation.
         let is_turned = physical < 0;
         let start = self.polygons.corners.len();
         for &tag in tags {
@@ -296,7 +296,7 @@ impl<'a> MeshFile<'a> {
             let kind = SceneErrorKind::malformed("`$MeshFormat`", "the end of the file");
             return Err(self.source.error(kind));
         }
-        // gmsh saves points and lines of the model beside its surfaces.
+        // Points and lines cause no warning, as gmsh saves those of the model beside its surfaces.
         self.others.thin = 0;
         let entities: BTreeSet<i64> = self.tags.iter().map(|(_, entity)| *entity).collect();
         let has_physical = self.tags.iter().any(|(physical, _)| *physical != 0);

@@ -38,7 +38,7 @@ impl MeshFile<'_> {
         Ok(())
     }
 
-    /// Reads `n`, and for each element its tag, its type, the number of its tags, these, and its nodes; binary ones in blocks of one type.
+    /// Reads `n`, and for each element its tag, type, number of tags, tags and nodes; binary elements come in blocks of one type.
     pub(super) fn elements_v2(&mut self, cursor: &mut Cursor<'_>) -> Result<(), SceneError> {
         let n: u64 = cursor.number("the number of elements")?;
         if self.is_binary {
@@ -66,7 +66,7 @@ impl MeshFile<'_> {
         Ok(())
     }
 
-    /// Reads the element on the last line, which has some number.
+    /// Reads the element on the last line, which has the given number.
     fn element_line_v2(&mut self, cursor: &Cursor<'_>, number: u32) -> Result<(), SceneError> {
         let line = cursor.last();
         let at_line = |kind| SceneError::new(self.polygons.numbering.origin(&self.source.path, number), kind);
@@ -105,7 +105,7 @@ impl MeshFile<'_> {
         Ok(())
     }
 
-    /// Reads a block of binary elements, and returns how many there were.
+    /// Reads a block of binary elements, and returns their number.
     fn block_v2(&mut self, cursor: &mut Cursor<'_>, n_left: usize) -> Result<usize, SceneError> {
         const WHAT: &str = "the elements";
         let [kind, n, n_tags] = [

@@ -21,7 +21,7 @@ impl MeshFile<'_> {
         self.whole::<i32>(cursor, what).map(i64::from)
     }
 
-    /// The least bytes of numbers: as text and as binary counts.
+    /// Checks a stated count of things that consist of `n_numbers` counts each.
     fn counted(&self, cursor: &Cursor<'_>, n: u64, n_numbers: u64, what: &'static str) -> Result<usize, SceneError> {
         self.count(cursor, n, [2 * n_numbers - 1, 4 * n_numbers], what)
     }
@@ -40,7 +40,7 @@ impl MeshFile<'_> {
         for (dimension, n) in counts.into_iter().enumerate() {
             for _ in 0..n {
                 let tag = self.int(cursor, WHAT)?;
-                // A point, or the box around what is more than one.
+                // A point has three coordinates; other entities have a bounding box of six.
                 for _ in 0..if dimension == 0 { 3 } else { 6 } {
                     self.whole::<f64>(cursor, WHAT)?;
                 }

@@ -1,4 +1,4 @@
-//! The geometry of a checked OBJ file, through tobj.
+//! Reads the geometry of a checked OBJ file through tobj.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use glam::DVec3;
 use super::super::polygons::Polygons;
 use crate::scene::{Origin, SceneError, SceneErrorKind};
 
-/// Sets the vertices and corners of `polygons`, whose faces are counted already, from `geometry`: the `v` and `f` lines of the file as the check has left them.
+/// Sets the vertices and corners of `polygons`, whose faces are already counted, from `geometry`: the checked `v` and `f` lines of the file.
 pub(super) fn parse(geometry: &str, polygons: &mut Polygons, file: &Path) -> Result<(), SceneError> {
     let disagree = |message: String| SceneError::new(Origin::file(file.to_owned()), SceneErrorKind::Parser { message });
     let options = tobj::LoadOptions::default();
@@ -21,7 +21,7 @@ pub(super) fn parse(geometry: &str, polygons: &mut Polygons, file: &Path) -> Res
     let mut ends = Vec::with_capacity(polygons.faces.len());
     for model in models {
         let mesh = model.mesh;
-        // What is too many for u32 is refused below.
+        // Numbers beyond u32 are refused below.
         let first = u32::try_from(polygons.vertices.len()).unwrap_or(u32::MAX);
         let positions = mesh.positions.as_chunks::<3>().0.iter();
         polygons
@@ -31,7 +31,7 @@ pub(super) fn parse(geometry: &str, polygons: &mut Polygons, file: &Path) -> Res
         polygons
             .corners
             .extend(mesh.indices.iter().map(|v| first.saturating_add(*v)));
-        // The parser leaves the arities out where all faces are triangles.
+        // The parser omits the arities where all faces are triangles.
         let n_faces = if mesh.face_arities.is_empty() {
             mesh.indices.len() / 3
         } else {

@@ -1,4 +1,4 @@
-//! The statements of an OBJ file: its vertices and faces, the names of surfaces, materials and libraries, and what is not read.
+//! The statements of an OBJ file: its vertices and faces, the names of surfaces, materials and libraries, and those that are not read.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
@@ -10,7 +10,7 @@ use crate::scene::lines::{Statement, for_each_statement};
 use crate::scene::{MAX_COORDINATE, Numbering, Origin, SceneError, SceneErrorKind, Written};
 use glam::DVec3;
 
-/// A name and the line where it first stands.
+/// A name and the first line that contains it.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct NamedLine {
     pub(super) line: u32,
@@ -32,30 +32,30 @@ pub(super) struct ObjIndex {
     pub(super) geometry: String,
 }
 
-/// A kind of statement that a diffuse scene has no use for, or that is not written as the format wants it.
+/// A kind of statement that is of no use to a diffuse scene, or departs from the format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Unread {
-    /// `mtllib` without a name.
+    /// A statement `mtllib` without a name.
     NamelessLibrary,
-    /// A keyword in capitals, read as if it were in small letters.
+    /// A keyword in capitals, read as in small letters.
     Capitals,
-    /// `l` and `p`.
+    /// The statements `l` and `p`.
     LinesAndPoints,
     /// Free-form curves and surfaces.
     FreeForm,
-    /// `call` and `csh`, which stand for statements of another file or program.
+    /// The statements `call` and `csh`, which stand for statements of another file or program.
     Calls,
     /// No keyword of the format.
     Unknown,
 }
 
 impl Unread {
-    /// Returns the kind of a statement that makes neither vertices nor faces; `None` if it does not concern diffuse faces.
+    /// Returns the kind of an unread statement; `None` for statements that are read or do not concern diffuse faces.
     fn of(keyword: &str) -> Option<Self> {
         match keyword {
             "v" | "f" | "fo" | "o" | "g" | "usemtl" | "mtllib" => None,
             "l" | "p" => Some(Self::LinesAndPoints),
-            // The elements; their attributes (`cstype`, `deg`, `parm`, ...) make no light without them.
+            // The elements alone; their attributes (`cstype`, `deg`, `parm`, ...) have no effect without them.
             "curv" | "curv2" | "surf" | "bsp" | "bzp" | "cdc" | "cdp" => Some(Self::FreeForm),
             "call" | "csh" => Some(Self::Calls),
             _ if SILENT.contains(&keyword) => None,
@@ -64,7 +64,7 @@ impl Unread {
     }
 }
 
-/// Keywords that a diffuse scene has no use for: normals and texture coordinates, smoothing, display, and the attributes of free-form elements.
+/// Keywords without effect on a diffuse scene: normals and texture coordinates, smoothing, display, and the attributes of free-form elements.
 #[rustfmt::skip]
 const SILENT: [&str; 33] = [
     "vt", "vn", "vp", "s", "mg", "bevel", "c_interp", "d_interp", "lod", "maplib", "usemap",
@@ -120,7 +120,7 @@ pub(super) fn scan(text: &str, file: &Path) -> Result<ObjIndex, SceneError> {
         }
         match &*small {
             "v" => scan.vertex(&s),
-            // `fo` is what faces were called before version 2.11 of the format.
+            // Before version 2.11 of the format, `fo` meant a face.
             "f" | "fo" => scan.face(&s, has_groups),
             "o" | "g" => {
                 let name = if s.rest.is_empty() { DEFAULT_GROUP } else { s.rest };
@@ -150,7 +150,7 @@ impl Scan<'_> {
     }
 
     fn vertex(&mut self, s: &Statement) -> Result<(), SceneError> {
-        // What follows the third coordinate is a weight for curves, or a colour.
+        // The words after the third coordinate are a weight for curves, or a colour.
         let tokens: Vec<&str> = s.words().take(3).collect();
         let [x, y, z] = tokens[..] else {
             return Err(SceneError::new(
@@ -162,7 +162,7 @@ impl Scan<'_> {
         // Writing to a String cannot fail.
         let _ = writeln!(self.index.geometry, "v {x} {y} {z}");
         for (place, token) in position.iter_mut().zip([x, y, z]) {
-            // A NaN is within no range.
+            // A NaN is in no range.
             let number = token.parse::<f64>().ok().filter(|value| value.abs() <= MAX_COORDINATE);
             *place = number.ok_or_else(|| {
                 SceneError::new(
@@ -203,7 +203,7 @@ impl Scan<'_> {
         Ok(())
     }
 
-    /// Returns the vertex of `12`, `12/3`, `12//4`, `12/3/4` or `-1`, which count from 1, counted from 0.
+    /// Returns the index, from 0, of the vertex that `12`, `12/3`, `12//4`, `12/3/4` or `-1` names, counted from 1.
     fn vertex_number(&self, line: u32, token: &str) -> Result<u32, SceneError> {
         let refused = |kind| SceneError::new(Origin::line(self.file.to_owned(), line), kind);
         let digits = token.split('/').next().unwrap_or(token);
@@ -215,7 +215,7 @@ impl Scan<'_> {
         let n_vertices = self.index.polygons.vertices.len();
         let magnitude = usize::try_from(index.unsigned_abs()).unwrap_or(usize::MAX);
         let number = if index < 0 {
-            // -1 is the last vertex so far.
+            // The index −1 is the last vertex so far.
             (n_vertices + 1).checked_sub(magnitude)
         } else {
             Some(magnitude)

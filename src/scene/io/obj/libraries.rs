@@ -1,4 +1,4 @@
-//! The libraries of a scene that is not read.
+//! Finds the libraries of a scene without reading the scene.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 
 use super::mtl::{by_file_name, files_of};
 
-/// Bytes of a line that are read at once.
+/// The greatest number of bytes of a line that are read.
 const LONGEST_LINE: u64 = 1 << 16;
 
-/// Returns the libraries that a scene file names, as far as they exist, without reading the scene; none of what can be read only once.
+/// Returns the existing libraries that a scene file names, without reading the scene; none for a pipe.
 pub(super) fn libraries_of(scene_file: &Path) -> Vec<PathBuf> {
     let is_file = std::fs::metadata(scene_file).is_ok_and(|data| data.is_file());
     let Some(file) = is_file.then(|| File::open(scene_file).ok()).flatten() else {
@@ -17,7 +17,7 @@ pub(super) fn libraries_of(scene_file: &Path) -> Vec<PathBuf> {
     };
     let mut found = Vec::new();
     let (mut reader, mut line) = (BufReader::new(file), Vec::new());
-    // What has no ends of lines is no scene, and need not fit in memory.
+    // A file without line ends is no scene, and need not fit in memory.
     while (&mut reader)
         .take(LONGEST_LINE)
         .read_until(b'\n', &mut line)

@@ -1,4 +1,4 @@
-//! Wavefront OBJ with its MTL libraries: lines are checked and indexed here, tobj reads the geometry.
+//! Reads Wavefront OBJ with its MTL libraries: lines are checked and indexed here, and tobj reads the geometry.
 
 use std::path::Path;
 #[cfg(feature = "cli")]
@@ -77,7 +77,7 @@ impl Reader for Obj {
     }
 }
 
-/// Returns the polygons of a sound scene and of the one library that it names.
+/// Returns the polygons of a valid scene and of its one library.
 pub(super) fn of_texts(obj: &str, library: &str, name: &Path) -> Result<Polygons, SceneError> {
     let ObjIndex {
         mut polygons,
@@ -92,10 +92,10 @@ pub(super) fn of_texts(obj: &str, library: &str, name: &Path) -> Result<Polygons
     Ok(polygons)
 }
 
-/// Returns upper bounds of how much there is in a file, by the first letters of its lines.
+/// Returns upper bounds of the numbers of elements in a file, by the first letters of its lines.
 fn counts(text: &str) -> Counts {
     let mut counts = Counts::default();
-    // The first letter of the line, once there is one, and the byte before.
+    // The first letter of the line, if reached, and the previous byte.
     let (mut keyword, mut last) = (None, b'\n');
     for byte in text.bytes() {
         let is_end = matches!(byte, b'\n' | b'\r');
@@ -117,7 +117,7 @@ fn counts(text: &str) -> Counts {
     counts
 }
 
-/// Returns the warning about statements that were not read, or not as they are written.
+/// Returns the warning about statements that were not read, or not as written.
 fn unread_warning(file: &Path, what: Unread, line: u32, count: usize) -> SceneWarning {
     let skipped = |in_words| SceneWarningKind::SkippedStatements { count, what: in_words };
     let kind = match what {
@@ -131,7 +131,7 @@ fn unread_warning(file: &Path, what: Unread, line: u32, count: usize) -> SceneWa
     SceneWarning::new(Origin::line(file, line), kind)
 }
 
-/// Returns a material as its library defines it, with what is doubtful about it.
+/// Returns a material as its library defines it, with the warnings about it.
 fn material(named: &NamedLine, definitions: &Definitions, file: &Path) -> FileMaterial {
     let name = || named.name.clone();
     let Some(definition) = definitions.get(&named.name) else {

@@ -1,4 +1,4 @@
-//! Material libraries: `Kd` is the reflectance, `Ke` the exitance, and nothing else matters to a diffuse scene.
+//! Material libraries: `Kd` is the reflectance and `Ke` the exitance; a diffuse scene needs no other statement.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -17,15 +17,15 @@ pub(super) struct Definition {
     pub(super) file: PathBuf,
     /// The line of the `newmtl`.
     pub(super) line: u32,
-    /// `Kd`, where there is one.
+    /// The reflectance `Kd`, if stated.
     pub(super) reflectance: Option<[f64; 3]>,
-    /// `Ke`, or zero.
+    /// The exitance `Ke`, or zero.
     pub(super) exitance: [f64; 3],
     /// The line of the `Ke`, or of the `newmtl` without one.
     pub(super) exitance_line: u32,
-    /// The line of the first texture of the diffuse or emitted colour, and the keyword of what counts in its place.
+    /// The line of the first texture of the diffuse or emitted colour, and the keyword whose value is used in its place.
     pub(super) texture: Option<(u32, &'static str)>,
-    /// The line and the keyword of the first statement by which the material would mirror or let light through.
+    /// The line and the keyword of the first statement that makes the material specular or transparent.
     pub(super) not_diffuse: Option<(u32, &'static str)>,
     /// True if an earlier definition has the same name.
     pub(super) repeated: bool,
@@ -38,7 +38,7 @@ pub(super) struct Definitions {
 }
 
 impl Definitions {
-    /// Reads the libraries that a scene file names, beside the scene file; one that does not exist, or stands elsewhere, is a warning.
+    /// Reads the libraries that a scene file names; one that does not exist, or is found elsewhere, causes a warning.
     pub(super) fn read_all(
         libraries: &[NamedLine],
         scene_file: &Path,
@@ -115,8 +115,10 @@ pub(super) struct Library<'a> {
     pub(super) file: Option<PathBuf>,
 }
 
-/// Returns the libraries of one `mtllib`: one, blanks and all, unless there is a file for every word, or for some and all look like libraries. Separators of Windows
-/// are taken for the system's where that helps, and a `#` behind a blank begins a comment where no file has such a name.
+/// Returns the libraries of one `mtllib`, whose names may contain blanks.
+///
+/// The text is one name unless every word names a file, or some words do and all look like libraries. Separators of Windows
+/// are replaced by the system's where a file of that name exists, and a `#` after a blank begins a comment unless a file has such a name.
 pub(super) fn files_of<'a>(text: &'a str, scene_file: &Path) -> Vec<Library<'a>> {
     let existing = |name: &'a str| {
         let spellings = [name.to_owned(), name.replace('\\', "/")];
@@ -147,14 +149,14 @@ pub(super) fn files_of<'a>(text: &'a str, scene_file: &Path) -> Vec<Library<'a>>
     }
 }
 
-/// Returns the name before the last `#` that may begin a comment; `None` where there is none, or no name.
+/// Returns the name before the last `#` that may begin a comment; `None` without such a sign, or without a name.
 fn without_comment(text: &str) -> Option<&str> {
     let mut signs = text.rmatch_indices('#').map(|(at, _)| &text[..at]);
     let name = signs.find(|name| name.ends_with(char::is_whitespace))?.trim_end();
     (!name.is_empty()).then_some(name)
 }
 
-/// Returns the words of a text; what stands in quotes is one word, without them.
+/// Returns the words of a text; a quoted part is one word, without its quotes.
 fn words_of(text: &str) -> Vec<&str> {
     let mut words = Vec::new();
     let mut rest = text.trim_start();
@@ -181,12 +183,12 @@ pub(super) fn by_file_name(path: &str, scene_file: &Path) -> Option<PathBuf> {
     Some(folder_of(scene_file).join(best))
 }
 
-/// Returns the folder of a file, as the file's path has it.
+/// Returns the folder of a file as a part of its path.
 fn folder_of(file: &Path) -> &Path {
     file.parent().unwrap_or(Path::new(""))
 }
 
-/// Returns the folder of a file by a name that the system has for it.
+/// Returns the folder of a file as a path that the system accepts.
 fn plain_folder_of(file: &Path) -> &Path {
     let folder = folder_of(file);
     if folder.as_os_str().is_empty() {
@@ -196,14 +198,14 @@ fn plain_folder_of(file: &Path) -> &Path {
     }
 }
 
-/// Returns whether a name is that of a library by itself, not a part of one with blanks.
+/// Returns whether a word alone looks like the name of a library.
 fn is_library(name: &str) -> bool {
     Path::new(name)
         .extension()
         .is_some_and(|extension| extension.eq_ignore_ascii_case("mtl"))
 }
 
-/// Returns whether a file is in the folder of the scene file or below it, links followed.
+/// Returns whether a file is in the folder of the scene file or below it, with links resolved.
 pub(in crate::scene::io) fn lies_beside(library: &Path, scene_file: &Path) -> bool {
     match (plain_folder_of(scene_file).canonicalize(), library.canonicalize()) {
         (Ok(folder), Ok(library)) => library.starts_with(folder),
@@ -211,7 +213,7 @@ pub(in crate::scene::io) fn lies_beside(library: &Path, scene_file: &Path) -> bo
     }
 }
 
-/// Returns a keyword as it is written: some programs write `kd`, and nothing else is called so.
+/// Returns a known keyword in its usual case: some programs write `kd`, and no other keyword differs only in case.
 fn spelt(keyword: &str) -> &str {
     let known = ["newmtl", "Kd", "Ke", "map_Kd", "map_Ke"];
     let found = known.into_iter().find(|known| known.eq_ignore_ascii_case(keyword));
@@ -267,7 +269,7 @@ fn scan(text: &str, file: &Path, max_exitance: f64) -> Result<Vec<(String, Defin
 }
 
 impl Definition {
-    /// Returns a material of which only the name is known.
+    /// Returns a material with its name alone.
     fn begun(file: &Path, line: u32) -> Self {
         Self {
             file: file.to_owned(),
@@ -282,19 +284,19 @@ impl Definition {
     }
 }
 
-/// Returns the keyword of a statement by which a surface mirrors (`Ks`) or lets light through (`d`, `Tr`).
+/// Returns the keyword of a statement that makes a surface specular (`Ks`) or transparent (`d`, `Tr`).
 fn not_diffuse(s: &Statement) -> Option<&'static str> {
     let mut numbers = s.words().filter_map(|word| word.parse::<f64>().ok());
     match s.keyword {
         "Ks" => numbers.any(|x| x > 0.0).then_some("Ks"),
-        // Options come before the number.
+        // Options precede the number.
         "d" => numbers.last().is_some_and(|x| x < 1.0).then_some("d"),
         "Tr" => numbers.last().is_some_and(|x| x > 0.0).then_some("Tr"),
         _ => None,
     }
 }
 
-/// Returns the three numbers of a `Kd` or `Ke`, and the material that they belong to; one number stands for three.
+/// Returns the three numbers of a `Kd` or `Ke`, and its material; one number stands for three.
 fn rgb<'d>(
     s: &Statement,
     keyword: &'static str,

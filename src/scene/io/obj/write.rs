@@ -1,4 +1,4 @@
-//! Scenes to OBJ and MTL files.
+//! Writes scenes to OBJ and MTL files.
 
 use std::collections::HashSet;
 use std::ffi::OsStr;
@@ -14,11 +14,11 @@ use crate::whole_file::{self, Prepared};
 /// Writes a scene to `path`, which ends in `.obj`, and its materials to the `.mtl` beside it.
 ///
 /// Numbers are the shortest text that reads back as the same f64, so [`load`](crate::scene::load) returns a scene with the same
-/// [`content_hash`](Scene::content_hash). The bytes depend on the scene and the file's name alone. Each file is written whole or not at all,
+/// [`content_hash`](Scene::content_hash). The bytes depend only on the scene and the file's name. Each file is replaced atomically,
 /// the materials first.
 ///
 /// # Errors
-/// A path that does not end in `.obj`; names that the format cannot hold; whatever the file system refuses.
+/// A path that does not end in `.obj`; names that the format cannot hold; errors of the file system.
 pub fn write_obj(scene: &Scene, path: impl AsRef<Path>) -> Result<(), SceneError> {
     let obj_file = path.as_ref();
     let is_obj = obj_file.extension().is_some_and(|e| e.eq_ignore_ascii_case("obj"));
@@ -33,7 +33,7 @@ pub fn write_obj(scene: &Scene, path: impl AsRef<Path>) -> Result<(), SceneError
     check_names("material", scene.materials.iter().map(|m| m.name.as_str()))?;
     let materials = prepare(&mtl_file, &mtl_text(scene))?;
     let faces = prepare(obj_file, &obj_text(scene, mtl_name))?;
-    // Another process that writes the same two must not put one between them.
+    // The lock keeps other processes from writing one of the two files in between.
     let _turn = whole_file::turn(whole_file::directory_of(obj_file));
     materials.put().map_err(|source| unwritable(&mtl_file, source))?;
     faces.put().map_err(|source| unwritable(obj_file, source))
@@ -47,7 +47,7 @@ fn unwritable(file: &Path, source: io::Error) -> SceneError {
     SceneError::new(Origin::file(file.to_owned()), SceneErrorKind::Unwritable { source })
 }
 
-/// Writes a file whole or not at all.
+/// Writes a file atomically.
 pub(in crate::scene) fn write_whole(file: &Path, text: &str) -> Result<(), SceneError> {
     prepare(file, text)?.put().map_err(|source| unwritable(file, source))
 }
@@ -112,7 +112,7 @@ fn obj_text(scene: &Scene, mtl_name: &str) -> String {
     text
 }
 
-/// Returns whether the faces alone bring the surfaces in their order; if not, the names stand before the first face.
+/// Returns whether the first faces of the surfaces are in the order of the surfaces; if not, all names are written before the first face.
 fn surfaces_are_in_order(scene: &Scene) -> bool {
     let mut n_seen = 0;
     for face in &scene.faces {

@@ -8,7 +8,7 @@ use super::super::source::Source;
 use super::super::{Counts, LoadOptions};
 use crate::scene::{MAX_CORNERS, Numbering, Origin, SceneError, SceneErrorKind, Written};
 
-/// Types of cells that are no single flat face.
+/// Types of cells that are not a single flat face.
 pub(super) const LINE: u8 = 4;
 pub(super) const VERTICES: u8 = 2;
 pub(super) const STRIP: u8 = 6;
@@ -21,7 +21,7 @@ pub(super) struct Dataset {
     pub(super) written: Written,
     /// The points of all cells, one cell after another.
     pub(super) connectivity: Vec<u32>,
-    /// Where each cell ends in these.
+    /// The end of each cell in these.
     pub(super) ends: Vec<usize>,
     /// The type of each cell.
     pub(super) types: Vec<u8>,
@@ -42,13 +42,13 @@ impl Default for Dataset {
     }
 }
 
-/// Returns what a type of cells is.
+/// Returns the class of a type of cells.
 fn cell_of(kind: u8, n_points: usize) -> Cell {
     match kind {
         5 => Cell::Face(3, false),
         9 | PIXEL => Cell::Face(4, false),
         POLYGON => Cell::Face(n_points, false),
-        // Its middles of edges follow its corners.
+        // The midpoints of its edges follow its corners.
         36 => Cell::Face(n_points / 2, true),
         22 | 34 | 69 | 76 => Cell::Face(3, true),
         23 | 28 | 30 | 70 | 77 => Cell::Face(4, true),
@@ -58,7 +58,7 @@ fn cell_of(kind: u8, n_points: usize) -> Cell {
 }
 
 impl Dataset {
-    /// Adds cells of one kind, by where each ends in the points that were added last.
+    /// Adds cells of one kind, by the end of each among the last added points.
     pub(super) fn push_cells(&mut self, ends: impl IntoIterator<Item = usize>, kind: impl Fn(usize) -> u8) {
         let mut start = self.ends.last().copied().unwrap_or(0);
         for end in ends {
@@ -68,7 +68,7 @@ impl Dataset {
         }
     }
 
-    /// Returns the type of a polygon of so many points.
+    /// Returns the type of a polygon with `n_points` points.
     pub(super) fn polygon_of(n_points: usize) -> u8 {
         match n_points {
             3 => 5,
@@ -149,7 +149,7 @@ impl Dataset {
     }
 }
 
-/// Returns the values of an array of cells for the faces among these; `None` if it has not one for each cell.
+/// Returns the values of a cell array for the faces; `None` unless it has one value for each cell.
 fn of_faces(array: Array, cells: &[usize], n_cells: usize) -> Option<Array> {
     let values = match array.values {
         Values::Whole(values) if values.len() == n_cells => {

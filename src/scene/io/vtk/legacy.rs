@@ -1,4 +1,4 @@
-//! Legacy VTK files, versions 1 to 5, ASCII and binary (most significant byte first).
+//! Reads legacy VTK files, versions 1 to 5, ASCII and binary (most significant byte first).
 
 use glam::DVec3;
 
@@ -10,10 +10,10 @@ use super::super::{Counts, stl};
 use super::dataset::{Dataset, LINE, STRIP, VERTICES};
 use crate::scene::{MAX_COORDINATE, SceneError, SceneErrorKind};
 
-/// The line that is found where the file ends.
+/// The text that error messages quote at the end of the file.
 const END: &str = "the end of the file";
 
-/// The things that the arrays which follow have values for.
+/// The things to which the following arrays belong.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Of {
     Field,
@@ -27,7 +27,7 @@ struct Legacy<'a> {
     is_binary: bool,
     of: Of,
     dataset: Dataset,
-    /// Where the cells end whose types come after them.
+    /// The ends of cells whose types follow.
     untyped: Vec<usize>,
 }
 
@@ -117,14 +117,14 @@ impl Legacy<'_> {
         Err(self.error(SceneErrorKind::unsupported(message)))
     }
 
-    /// Checks a count of numbers against what is left of the file.
+    /// Checks a count of numbers against the rest of the file.
     fn fits(&self, n: u64, scalar: Scalar, what: &'static str) -> Result<usize, SceneError> {
         let counted = if self.is_binary {
             let n_bytes = if scalar == Scalar::Bit { n.div_ceil(8) } else { n };
             self.cursor.count(n_bytes, scalar.bytes() as u64, what)?;
             usize::try_from(n).map_err(|_| self.cursor.error(SceneErrorKind::CutShort { what }))
         } else {
-            // A digit and a blank, but for the last one.
+            // The shortest number is a digit and a blank, but the last one needs no blank.
             let room = (self.cursor.left()).div_ceil(2);
             usize::try_from(n)
                 .ok()
@@ -200,7 +200,7 @@ impl Legacy<'_> {
         })
     }
 
-    /// Reads cells: in version 5 an array of offsets and one of points, before it the number of points of each cell, and these.
+    /// Reads cells: in version 5 an array of offsets and one of points; in older versions the number of points of each cell, and these.
     fn cells(&mut self, keyword: &str, words: &[&str]) -> Result<(), SceneError> {
         let n = self.counted(words, "the number of cells")?;
         let size = self.counted(words.get(1..).unwrap_or(&[]), "the number of points of cells")?;
@@ -384,7 +384,7 @@ impl Legacy<'_> {
         Ok(())
     }
 
-    /// Reads an array; of cells it stays, if it has one whole number or text for each.
+    /// Reads an array; keeps one of cells if it has one whole number or text for each.
     fn array(&mut self, name: &str, n_components: u64, n_tuples: u64, scalar: Scalar) -> Result<(), SceneError> {
         let n = n_components.saturating_mul(n_tuples);
         let is_of_cells = matches!(self.of, Of::Cells(_)) && n_components == 1;
@@ -411,7 +411,9 @@ impl Legacy<'_> {
         self.dataset.arrays.push(Array { name, values });
     }
 
-    /// Reads texts: a line each, or behind a length in the last bits of one, two, four or eight bytes, whose first two bits tell how many.
+    /// Reads texts: in ASCII, one per line.
+    ///
+    /// In binary files a length of one, two, four or eight bytes precedes each text; its first two bits give its size.
     fn texts(&mut self, n: usize) -> Result<Vec<String>, SceneError> {
         const WHAT: &str = "an array of texts";
         let mut texts = Vec::with_capacity(n);
@@ -440,7 +442,7 @@ impl Legacy<'_> {
     }
 }
 
-/// Returns a text whose blanks and other signs are written as `%20`.
+/// Returns a text with its percent-encoded signs decoded.
 fn decoded(text: &str) -> String {
     let bytes = super::super::gltf::percent_decoded(text);
     String::from_utf8_lossy(&bytes).into_owned()

@@ -1,4 +1,4 @@
-//! VTK's files: legacy (`.vtk`), and XML of unstructured grids (`.vtu`) and of polygons (`.vtp`).
+//! Reads VTK's files: legacy (`.vtk`), and XML of unstructured grids (`.vtu`) and of polygons (`.vtp`).
 
 mod dataset;
 mod legacy;

@@ -1,4 +1,4 @@
-//! VTK's XML files of unstructured grids and of polygons.
+//! Reads VTK's XML files of unstructured grids and of polygons.
 
 use std::error::Error as _;
 use std::str::Utf8Error;
@@ -19,15 +19,15 @@ use crate::scene::{Origin, SceneError, SceneErrorKind};
 #[derive(Default)]
 struct Piece {
     n_points: u64,
-    /// The numbers of cells: of a grid, or of vertices, lines, strips and polygons.
+    /// The numbers of cells of each section; those of a grid in the place of polygons.
     n_cells: [u64; 4],
     points: Option<DataArray>,
-    /// Offsets, connectivity and types, of a grid in the last place.
+    /// Offsets, connectivity and, for a grid, types of each section; those of a grid are in the place of polygons.
     cells: [[Option<DataArray>; 3]; 4],
     cell_data: Vec<DataArray>,
 }
 
-/// The places of kinds of polygons among the cells of a piece, in the order of their data.
+/// The kinds of polygons, in the order of their data among the cells of a piece.
 const SECTIONS: [&str; 4] = ["Verts", "Lines", "Polys", "Strips"];
 
 /// The place of polygons, or of all cells of a grid.
@@ -40,7 +40,7 @@ struct File<'a> {
     encoding: Encoding,
     is_grid: bool,
     pieces: Vec<Piece>,
-    /// The section that the reader is in.
+    /// The current section.
     section: &'static str,
     is_ended: bool,
 }
@@ -62,7 +62,7 @@ pub(super) fn read(source: &Source<'_>) -> Result<Dataset, SceneError> {
 }
 
 impl File<'_> {
-    /// Reads all elements up to appended data, which need be no text; of the arrays only their places.
+    /// Reads all elements up to appended data, which may be binary; of arrays it records only the places.
     fn parse(&mut self) -> Result<(), SceneError> {
         let source = self.source;
         let start = if source.head().bytes.starts_with(BYTE_ORDER_MARK) {
@@ -73,7 +73,7 @@ impl File<'_> {
         let mut reader = Reader::from_reader(source.stream(start, u64::MAX));
         let mut buffer = Vec::new();
         let mut array: Option<DataArray> = None;
-        // How deep the place is in elements that describe an array.
+        // The nesting depth of elements that describe an array.
         let mut depth = 0;
         loop {
             buffer.clear();
@@ -122,7 +122,7 @@ impl File<'_> {
         }
     }
 
-    /// Takes note of an element that begins; an array is returned. An error is what was expected, and what was found.
+    /// Handles the start of an element, and returns an array that begins; an error is the expected and the found text.
     fn begin(&mut self, tag: &BytesStart<'_>) -> Result<Option<DataArray>, (&'static str, String)> {
         let attribute = |name: &str| -> Option<String> {
             let found = tag.try_get_attribute(name).ok()??;
@@ -186,7 +186,7 @@ impl File<'_> {
         Ok(None)
     }
 
-    /// Puts an array in its place.
+    /// Stores an array in its place.
     fn keep(&mut self, array: DataArray) {
         if let Content::Appended(offset) = array.content {
             self.encoding.offsets.push(offset);
@@ -322,7 +322,7 @@ fn error_at(source: &Source<'_>, at: u64, kind: SceneErrorKind) -> SceneError {
     SceneError::new(Origin::line(&source.path, line), kind)
 }
 
-/// Returns the error of what is no XML, in an event that begins at a place.
+/// Returns the error of invalid XML, in an event that begins at a place.
 fn refused(source: &Source<'_>, error: quick_xml::Error, start: u64, at: u64) -> SceneError {
     match error {
         quick_xml::Error::Io(error) => source.unreadable(std::io::Error::new(error.kind(), error.to_string())),

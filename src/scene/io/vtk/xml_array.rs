@@ -12,18 +12,18 @@ use super::dataset::Dataset;
 use super::xml_bytes::{self, Encoding};
 use crate::scene::{MAX_COORDINATE, SceneErrorKind};
 
-/// Where the numbers of an array are.
+/// The place of an array's numbers.
 pub(super) enum Content {
-    /// In its element, as text, which is at a place of the file.
+    /// Text in its element, at a place of the file.
     Ascii(Range<u64>),
-    /// In its element, in base64.
+    /// Base64 in its element.
     Base64(Range<u64>),
-    /// Behind the XML, from a place on.
+    /// After the XML, from an offset.
     Appended(u64),
 }
 
 impl Content {
-    /// Takes note of where the text of the element is.
+    /// Records the place of the element's text.
     pub(super) fn write(&mut self, place: Range<u64>) {
         match self {
             Self::Ascii(own) | Self::Base64(own) if own.is_empty() => *own = place,
@@ -53,11 +53,11 @@ enum Number<'t> {
 /// An attribute of an element, by its name.
 type Attribute<'t> = &'t dyn Fn(&str) -> Option<String>;
 
-/// A file, and how its arrays are written.
+/// A file, and the encoding of its arrays.
 type From<'f> = (&'f Source<'f>, &'f Encoding);
 
 impl DataArray {
-    /// Begins an array; an error is what was expected, and what was found.
+    /// Begins an array; an error is the expected and the found text.
     pub(super) fn begun(attribute: Attribute<'_>) -> Result<Self, (&'static str, String)> {
         let kind = attribute("type").unwrap_or_default();
         let format = attribute("format").unwrap_or_else(|| "ascii".to_owned());
@@ -84,7 +84,7 @@ impl DataArray {
         })
     }
 
-    /// Reads the numbers one after another; `n` is how many are of use, if that is known.
+    /// Reads the numbers one after another; `n` is the number needed, if known.
     fn numbers(
         &self,
         (source, encoding): From<'_>,
@@ -103,7 +103,7 @@ impl DataArray {
         let mut stream = encoding.bytes(source, &self.content, limit)?;
         let mut block = Vec::new();
         loop {
-            // A byte becomes at most the place where a cell ends.
+            // A byte yields at most one end of a cell.
             let room = source.expect_room(size_of::<usize>() as u64 * BLOCK);
             room.map_err(|error| error.kind)?;
             block.clear();
@@ -155,7 +155,7 @@ impl DataArray {
         expect_all(n_there, n, "coordinates")
     }
 
-    /// Reads whole numbers: so many at least, if that is known.
+    /// Reads whole numbers, at least `n` of them if that is known.
     pub(super) fn whole(
         &self,
         from: From<'_>,
@@ -169,14 +169,14 @@ impl DataArray {
                 Number::Word(word) => word
                     .parse()
                     .map_err(|_| SceneErrorKind::malformed("a whole number", word))?,
-                // An index that is no whole number is out of range.
+                // An index that is not a whole number is out of range.
                 Number::Bytes(own) => self.kind.whole(own, from.1.is_little).unwrap_or(-1),
             })
         })?;
         expect_all(n_there, n.unwrap_or(0), "values of an array")
     }
 
-    /// Returns whether its values may name surfaces: whole numbers, or texts, one for each cell.
+    /// Returns whether the array has whole numbers or texts, one for each cell, which may name surfaces.
     pub(super) fn may_name(&self) -> bool {
         self.n_components == 1 && !matches!(self.kind, Scalar::F32 | Scalar::F64)
     }
@@ -194,7 +194,7 @@ impl DataArray {
         let mut bytes: Vec<u8> = Vec::new();
         self.numbers(from, None, |number| {
             match number {
-                // The numbers of bytes.
+                // Texts are stored as the numbers of their bytes.
                 Number::Word(word) => bytes.extend(word.parse::<u8>().ok()),
                 Number::Bytes(own) => bytes.extend(own),
             }
@@ -202,13 +202,13 @@ impl DataArray {
         })?;
         let texts = bytes.split(|byte| *byte == 0);
         let mut texts: Vec<String> = texts.map(|text| String::from_utf8_lossy(text).into_owned()).collect();
-        // Each ends in a zero.
+        // A zero ends each text.
         texts.pop();
         Ok((texts.len() as u64 == n_cells).then_some(Values::Text(texts)))
     }
 }
 
-/// Refuses an array that has less than it is to have.
+/// Refuses an array with fewer values than required.
 fn expect_all(n_there: u64, n: u64, what: &'static str) -> Result<(), SceneErrorKind> {
     if n_there < n {
         let room = n_there;
@@ -217,7 +217,7 @@ fn expect_all(n_there: u64, n: u64, what: &'static str) -> Result<(), SceneError
     Ok(())
 }
 
-/// Puts the arrays of a piece behind those of the pieces before it, which have so many cells.
+/// Appends the arrays of a piece to those of earlier pieces, which have `n_cells_before` cells.
 pub(super) fn join(known: &mut Vec<Array>, new: Vec<Array>, n_cells_before: usize) {
     if n_cells_before == 0 {
         *known = new;

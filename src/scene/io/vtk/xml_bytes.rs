@@ -1,4 +1,4 @@
-//! The bytes of VTK's XML arrays: raw or in base64, as they are or in blocks that zlib compressed, decoded as they are read.
+//! Decodes the bytes of VTK's XML arrays while they are read: raw or in base64, plain or in blocks compressed by zlib.
 
 use std::io::{self, BufRead, Read, Take};
 
@@ -14,28 +14,28 @@ use crate::scene::{SceneError, SceneErrorKind};
 
 const CUT_SHORT: SceneErrorKind = SceneErrorKind::CutShort { what: "an array" };
 
-/// The things that a header counts.
+/// The counted things in error messages.
 const BYTES: &str = "bytes of an array";
 
-/// The most bytes that zlib makes of one.
+/// The greatest ratio of decompressed to compressed bytes of zlib.
 const MAX_RATIO: u64 = 1032;
 
-/// How the arrays of a file are written.
+/// The encoding of the arrays of a file.
 #[derive(Default)]
 pub(super) struct Encoding {
     pub(super) is_little: bool,
-    /// True if headers have 8 bytes a number, else 4.
+    /// True if the numbers of headers have 8 bytes, else 4.
     pub(super) has_wide_headers: bool,
     pub(super) compressor: Option<String>,
-    /// Where appended arrays begin, in order.
+    /// The offsets of appended arrays, in order.
     pub(super) offsets: Vec<u64>,
-    /// Where the appended data begin in the file.
+    /// The start of the appended data in the file.
     appended: Option<u64>,
     is_base64: bool,
 }
 
 impl Encoding {
-    /// Takes note of what is appended, which begins behind its tag with a `_`.
+    /// Records the start of the appended data, after a `_` behind the tag.
     pub(super) fn append(&mut self, source: &Source<'_>, tag: &BytesStart<'_>, from: u64) -> Result<(), SceneError> {
         self.is_base64 = tag.contains("base64");
         let before = source.stream(from, u64::MAX).skip_until(b'_');
@@ -60,7 +60,7 @@ impl Encoding {
         if self.has_wide_headers { 8 } else { 4 }
     }
 
-    /// Returns the bytes of an array; at most so many of those that are compressed.
+    /// Returns a stream of the bytes of an array; compressed ones are limited to `limit` decoded bytes.
     pub(super) fn bytes<'s>(
         &self,
         source: &'s Source<'_>,
@@ -86,7 +86,7 @@ impl Encoding {
             let n = self.header(&mut stream)?;
             let room = source.span(from, to).left().saturating_sub(self.header_bytes() as u64);
             if n > room {
-                // How much there is of base64 shows when all is decoded.
+                // The amount of base64 data is known once all is decoded.
                 let room = if is_base64 {
                     io::copy(&mut stream, &mut io::sink()).map_err(kind_of)?
                 } else {
@@ -133,7 +133,7 @@ pub(super) fn kind_of(error: io::Error) -> SceneErrorKind {
     }
 }
 
-/// As many bytes as a header states.
+/// A stream of as many bytes as a header states.
 struct Whole<R> {
     stream: R,
     n: u64,
@@ -153,11 +153,11 @@ impl<R: Read> Read for Whole<R> {
     }
 }
 
-/// Text in base64, in one or more runs that `=` ends, as the bytes that it stands for.
+/// Decoded base64 text, in one or more runs that `=` ends.
 struct Base64<R> {
     text: R,
     is_ended: bool,
-    /// Signs that are not decoded yet.
+    /// Signs that are not yet decoded.
     signs: Vec<u8>,
     bytes: Vec<u8>,
     at: usize,
@@ -174,7 +174,7 @@ impl<R: BufRead> Base64<R> {
         }
     }
 
-    /// Brings a group of four signs at least, if there is one.
+    /// Reads at least one group of four signs, if there is one.
     fn fill(&mut self) -> io::Result<()> {
         let is_sign = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'+' | b'/' | b'=');
         while !self.is_ended && self.signs.len() < 4 {
@@ -189,7 +189,7 @@ impl<R: BufRead> Base64<R> {
             self.text.consume(n_read);
         }
         if self.is_ended {
-            // What is cut off its last group of four is told by what misses of the array.
+            // An incomplete last group is reported as bytes missing from the array.
             self.signs.truncate(self.signs.len() / 4 * 4);
         }
         Ok(())
@@ -204,7 +204,7 @@ impl<R: BufRead> Base64<R> {
             let n_ends = rest[first..].iter().take_while(|byte| **byte == b'=').count();
             let mut length = first + n_ends;
             if length == rest.len() && !self.is_ended {
-                // More of this run comes.
+                // The run continues.
                 length -= length % 4;
             }
             let (run, behind) = rest.split_at(length);
@@ -237,14 +237,14 @@ impl<R: BufRead> Read for Base64<R> {
     }
 }
 
-/// Blocks that zlib compressed, as the bytes that they were.
+/// The decompressed bytes of zlib blocks.
 struct Blocks<'s> {
-    /// The bytes of the blocks that come.
+    /// The compressed sizes of the remaining blocks.
     sizes: std::vec::IntoIter<u64>,
-    /// The bytes that a block was, and the last one, if that is not 0.
+    /// The decompressed size of a block, and that of the last one, if that is not 0.
     whole: u64,
     last: u64,
-    /// Bytes that are of use.
+    /// The number of bytes needed.
     limit: u64,
     place: Place<'s>,
 }
@@ -266,7 +266,7 @@ impl Read for Blocks<'_> {
                     };
                     let is_last = self.sizes.len() == 0 && self.last > 0;
                     let length = if is_last { self.last } else { self.whole };
-                    // No more than is stated, nor than is of use, nor than zlib can make of so many bytes.
+                    // At most the stated size, the bytes needed, and the greatest output of zlib.
                     let most = length.min(self.limit).min(n_own.saturating_mul(MAX_RATIO));
                     self.place = Place::Within(ZlibDecoder::new(stream.take(n_own)).take(most));
                 }
@@ -290,7 +290,7 @@ impl Read for Blocks<'_> {
     }
 }
 
-/// Returns an error of the file or of base64 as it is, one of zlib in words.
+/// Returns errors of the file and of base64 unchanged, and errors of zlib in words.
 fn told(error: io::Error) -> io::Error {
     let own = error.get_ref().and_then(|inner| inner.downcast_ref::<SceneErrorKind>());
     if own.is_some() || error.raw_os_error().is_some() {
