@@ -2,6 +2,8 @@
 
 pub(crate) mod box_pairs;
 pub mod clip;
+mod double_double;
+pub(crate) mod gauss_legendre;
 pub mod point_form_factor;
 pub mod polygon;
 pub mod polygon_form_factor;

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use super::boundary::{Sky, Sun};
 use crate::form_factor::partial::{Lit, lit_part};
 use crate::form_factor::{Fraction, Input};
+use crate::geometry::gauss_legendre::rounded_rule;
 use crate::geometry::polygon;
-use crate::geometry::quadrature::unit_line;
 use crate::geometry::sampling::{Frame, PointStream, Sequence, UniformOnPolygon, cosine_direction};
 use crate::matrix::operator::Block;
 use crate::mesh::PatchId;
@@ -172,7 +172,11 @@ impl Sun {
             };
             (0..n_around).map(direction).collect::<Vec<_>>()
         };
-        unit_line(n_circles).into_iter().enumerate().flat_map(circle).collect()
+        rounded_rule(n_circles)
+            .into_iter()
+            .enumerate()
+            .flat_map(circle)
+            .collect()
     }
 }
 

@@ -47,7 +47,6 @@
 //! ```
 
 mod contour;
-mod double_double;
 mod edge_pair;
 mod facing;
 mod gauss_lambert;
@@ -56,8 +55,8 @@ mod prepared;
 mod real;
 mod select;
 
+use crate::geometry::double_double::DoubleDouble;
 use contour::contour_sum;
-use double_double::DoubleDouble;
 use facing::FacingPair;
 pub use gauss_product::LARGEST_ORDER;
 pub use prepared::PreparedPolygon;

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use super::double_double::DoubleDouble;
 use super::real::Vector;
+use crate::geometry::double_double::DoubleDouble;
 
 /// A planar polygon with its plane, area, bounding sphere and pieces for quadrature.
 #[derive(Clone, Debug)]

@@ -4,10 +4,10 @@ use std::num::NonZeroUsize;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 use std::sync::OnceLock;
 
-use gauss_quad::GaussLegendre;
 use glam::DVec3;
 
-use super::double_double::DoubleDouble;
+use crate::geometry::double_double::DoubleDouble;
+use crate::geometry::gauss_legendre;
 
 /// The longest line rule that is stored.
 pub(super) const LONGEST_RULE: usize = 48;
@@ -67,13 +67,7 @@ impl Real for f64 {
     }
     fn line_rule(n: usize) -> &'static [(Self, Self)] {
         static RULES: [OnceLock<Vec<(f64, f64)>>; LONGEST_RULE] = [const { OnceLock::new() }; LONGEST_RULE];
-        RULES[n - 1].get_or_init(|| {
-            let n = NonZeroUsize::new(n).unwrap_or(NonZeroUsize::MIN);
-            GaussLegendre::new(n)
-                .iter()
-                .map(|(node, weight)| (0.5 * (node + 1.0), 0.5 * weight))
-                .collect()
-        })
+        RULES[n - 1].get_or_init(|| gauss_legendre::rounded_rule(at_least_one(n)))
     }
 }
 
@@ -104,37 +98,12 @@ impl Real for DoubleDouble {
     fn line_rule(n: usize) -> &'static [(Self, Self)] {
         static RULES: [OnceLock<Vec<(DoubleDouble, DoubleDouble)>>; LONGEST_RULE] =
             [const { OnceLock::new() }; LONGEST_RULE];
-        RULES[n - 1].get_or_init(|| {
-            f64::line_rule(n)
-                .iter()
-                .map(|&(node, _)| refine_node(n, Self::new(2.0 * node - 1.0)))
-                .collect()
-        })
+        RULES[n - 1].get_or_init(|| gauss_legendre::rule(at_least_one(n)))
     }
 }
 
-/// Returns node and weight on [0, 1] from a node on [−1, 1] that is accurate to 1e-15.
-fn refine_node(n: usize, start: DoubleDouble) -> (DoubleDouble, DoubleDouble) {
-    let one = DoubleDouble::new(1.0);
-    // Returns 1 − x² and (1 − x²) P′ besides P, the Legendre polynomial.
-    let legendre = |x: DoubleDouble| {
-        let (mut before, mut value) = (one, x);
-        for k in 2..=n {
-            let k = k as f64;
-            let next = x * value * DoubleDouble::new(2.0 * k - 1.0) - before * DoubleDouble::new(k - 1.0);
-            (before, value) = (value, next / DoubleDouble::new(k));
-        }
-        let flank = one - x * x;
-        (value, flank, (before - x * value) * DoubleDouble::new(n as f64))
-    };
-    let mut node = start;
-    for _ in 0..2 {
-        let (value, flank, slope) = legendre(node);
-        node = node - value * flank / slope;
-    }
-    let (_, flank, slope) = legendre(node);
-    // Half of 2/((1 − x²) P′²), for an interval of half the length.
-    ((node + one).scale(0.5), flank / (slope * slope))
+fn at_least_one(n: usize) -> NonZeroUsize {
+    NonZeroUsize::new(n).unwrap_or(NonZeroUsize::MIN)
 }
 
 /// A vector of three numbers.
@@ -184,30 +153,5 @@ impl<T: Real> Vector<T> {
 
     pub(super) fn to_f64(self) -> DVec3 {
         DVec3::from(self.0.map(T::to_f64))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// ∫₀¹ xᵐ = 1/(m + 1) up to the degree 2n − 1, to the last digits.
-    #[test]
-    fn line_rules_integrate_powers() {
-        for n in [1, 2, 5, 16, 33, LONGEST_RULE] {
-            for m in [0, 1, n, 2 * n - 1] {
-                let mut sum = DoubleDouble::ZERO;
-                for &(node, weight) in DoubleDouble::line_rule(n) {
-                    sum = sum + (0..m).fold(weight, |power, _| power * node);
-                }
-                let exact = DoubleDouble::new(1.0) / DoubleDouble::new((m + 1) as f64);
-                assert!((sum - exact).to_f64().abs() < 2e-30, "{n} {m}");
-                let plain: f64 = f64::line_rule(n)
-                    .iter()
-                    .map(|&(node, weight)| weight * (0..m).fold(1.0, |power, _| power * node))
-                    .sum();
-                assert!((plain - exact.to_f64()).abs() < 2e-15, "{n} {m}");
-            }
-        }
     }
 }

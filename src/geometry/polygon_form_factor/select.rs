@@ -5,12 +5,12 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::contour::{Estimate, contour_sum};
-use super::double_double::DoubleDouble;
 use super::facing::{FacingPair, Part};
 use super::gauss_lambert::Outer;
 use super::gauss_product::{LARGEST_ORDER, product_sum};
 use super::prepared::PreparedPolygon;
 use super::{Exchange, Rule, Tolerance};
+use crate::geometry::double_double::DoubleDouble;
 use crate::geometry::rectangle::rectangle_exchange_area;
 
 /// Digits of the contour's Gauss rules in `f64`.
