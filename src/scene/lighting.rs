@@ -64,7 +64,7 @@ fn meant(name: &str, known: &[&str]) -> (usize, Vec<u32>) {
     if !equal.is_empty() || !name.contains('*') {
         return (usize::MAX, equal);
     }
-    (name.len() - name.matches('*').count(), those(&|one| fits(name, one)))
+    (name.chars().filter(|&c| c != '*').count(), those(&|one| fits(name, one)))
 }
 
 #[derive(Deserialize)]
@@ -295,5 +295,7 @@ mod tests {
         assert_eq!(meant("wall_*", &known), (5, vec![1, 3]));
         assert_eq!(meant("lamp", &known), (usize::MAX, vec![2]));
         assert!(meant("floor", &known).1.is_empty());
+        // Letters, not bytes.
+        assert_eq!(meant("wände*", &["wände_2"]), (5, vec![0]));
     }
 }
