@@ -64,7 +64,10 @@ fn meant(name: &str, known: &[&str]) -> (usize, Vec<u32>) {
     if !equal.is_empty() || !name.contains('*') {
         return (usize::MAX, equal);
     }
-    (name.chars().filter(|&c| c != '*').count(), those(&|one| fits(name, one)))
+    (
+        name.chars().filter(|&c| c != '*').count(),
+        those(&|one| fits(name, one)),
+    )
 }
 
 #[derive(Deserialize)]

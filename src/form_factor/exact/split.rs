@@ -444,36 +444,6 @@ mod tests {
     }
 
     #[test]
-    fn pairs_far_below_the_tolerance_take_few_points_and_state_all_they_may_exchange() {
-        for n in 1..3 {
-            let scene = leaves(n);
-            let index = OccluderIndex::new(&scene);
-            let [p, q] = [0, 1].map(|k| scene.polygon(FaceId(k)));
-            let PairVisibility::Partial(among) = index.classify(&p, &q) else {
-                panic!("leaves occlude");
-            };
-            let split = Split {
-                index: &index,
-                budget: 10_000_000,
-                relative: f64::INFINITY,
-                unlike_of_few: 1.0,
-                progress: &Silent,
-            };
-            let most = Whole::of(&p, &q, 0.0);
-            let found = |goal: f64| split.exchange_area(&p, &q, &among, goal, most);
-            let reference = found(1e-8);
-            let few = found(40.0 * most.area);
-            assert!(reference.reached && few.reached);
-            assert!(few.n_evaluations == 4, "{few:?}");
-            let [less, more] = [few.exchange_area, most.area - few.exchange_area];
-            assert!((0.0..=most.area).contains(&less) && few.error >= less.max(more));
-            assert!(few.error <= 1.001 * less.max(more), "{few:?}");
-            assert!((few.exchange_area - reference.exchange_area).abs() < 0.3 * most.area);
-            assert!(found(20.0 * most.area).n_evaluations > 4);
-        }
-    }
-
-    #[test]
     fn a_budget_that_is_spent_serves_all_parts() {
         let scene = leaves(9);
         let index = OccluderIndex::new(&scene);

@@ -50,7 +50,7 @@ pub use point::VisibleFactor;
 pub(super) use rays::by_rays;
 use receiver::Receiver;
 use shadow::Shadows;
-use sight::{Sight, VISIBLE, Views};
+use sight::{Sight, Views};
 pub(crate) use sunlit::{Lit, lit_part};
 pub(crate) use view_cells::Scratch;
 
@@ -197,7 +197,7 @@ impl Integration {
             Ok(view) => view,
             Err(nothing) => return Self::without_looking(nothing),
         };
-        match view.at_few_points(goal) {
+        match view.uncut(goal, SMALL) {
             Some(enough) => Self {
                 state: State::Done(enough),
             },
@@ -265,7 +265,7 @@ impl Integration {
 /// It is tried where the exchange area without occluders is up to [`SMALL_AMONG_MANY`] times the goal; the part that a shadow between all points may hide is stated as error. See [`Integration::begin`] for the arguments.
 pub(super) fn uncut(sides: [&[DVec3]; 2], occluders: &[Occluder<'_>], goal: f64, whole: Whole) -> Option<Partial> {
     let mut view = View::new(sides, occluders, whole).ok()?;
-    view.uncut(goal)
+    view.uncut(goal, SMALL_AMONG_MANY)
 }
 
 /// Chooses the polygon to integrate over: the one that is farther from all occluders in units of its own size, because shadows are softer there.
@@ -308,12 +308,12 @@ const MAX_CELLS: usize = 4096;
 /// The most pairs of a vertex and an edge that are tested for discontinuity lines.
 const MAX_EVENT_PAIRS: usize = 1 << 20;
 
-/// The part of the error allowed below which a pair's exchange area without occluders needs a few points alone.
-const SMALL: f64 = 0.03;
-
-/// The multiple of the error allowed up to which a pair with many occluders is integrated uncut (see [`uncut`]), by its exchange area without them.
+/// The part of the error allowed below which a pair's exchange area without occluders is integrated uncut.
 ///
-/// A cut costs far more there, and many small shadows together make a smooth integrand.
+/// The cut costs no more than it saves, and makes the true error far smaller than the tolerance; for pairs as small as this that does not matter.
+const SMALL: f64 = 0.1;
+
+/// The same for a pair with many occluders (see [`uncut`]): a cut costs far more there, and many small shadows together make a smooth integrand.
 /// Times: `docs/performance.md`.
 const SMALL_AMONG_MANY: f64 = 40.0;
 
@@ -405,37 +405,10 @@ impl<'a> View<'a> {
         receiver.corners.iter().map(|&v| receiver.to_plane(v)).collect()
     }
 
-    /// Looks from three or four points of each part of the receiver, if it exchanges less than [`SMALL`] goals without occluders.
-    ///
-    /// The stated error is certain: all that seems visible or all that seems hidden, whichever is more.
-    fn at_few_points(&mut self, goal: f64) -> Option<Partial> {
-        let is_small = self.whole.area < SMALL * goal;
-        if !is_small {
-            return None;
-        }
-        self.sight.is_loose = true;
-        let (mut visible, mut n_evaluations) = (0.0, 0);
-        for shape in Cells::cut(self.outer(), &[], 0.0, 1).shapes() {
-            let estimate = self.sight.at_few_points(shape);
-            visible += estimate.integral[VISIBLE];
-            n_evaluations += estimate.n_evaluations;
-        }
-        let exchange_area = visible.min(self.whole.area);
-        let error = self.whole.bounded(exchange_area, f64::INFINITY);
-        let found = Partial {
-            exchange_area,
-            error,
-            n_evaluations,
-            n_rays: 0,
-            reached: true,
-        };
-        (error <= goal).then_some(found)
-    }
-
-    /// Integrates over the receiver without discontinuity lines, if it exchanges less than [`SMALL_AMONG_MANY`] goals without occluders; `None` if that does not reach the goal.
-    fn uncut(&mut self, goal: f64) -> Option<Partial> {
+    /// Integrates over the receiver without discontinuity lines, if it exchanges less than `small` goals without occluders; `None` if that does not reach the goal.
+    fn uncut(&mut self, goal: f64, small: f64) -> Option<Partial> {
         let most = self.whole.area;
-        if most.is_nan() || most >= SMALL_AMONG_MANY * goal {
+        if most.is_nan() || most >= small * goal {
             return None;
         }
         let outer = self.outer();

@@ -4,7 +4,6 @@ use glam::{DVec2, DVec3};
 
 use super::bodies::Extent;
 use super::cells::Shape;
-use super::few;
 use super::flat::Flat;
 use super::gauss;
 use super::layers::LowEdges;
@@ -162,11 +161,6 @@ impl Sight {
             *shares = [0, 1].map(|part| shares[part].max(parts[part] / whole));
         }
         parts
-    }
-
-    /// Returns the form factors to what is visible, integrated over a part of the receiver by three or four points that know nothing of its discontinuity lines.
-    pub(super) fn at_few_points(&mut self, shape: Shape) -> Estimate {
-        few::integrate(shape, |point| self.at(point, &mut None))
     }
 
     fn is_far_from_occluders(&self, point: DVec2, reach: f64) -> bool {
