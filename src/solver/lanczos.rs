@@ -67,7 +67,7 @@ fn norms_of(weights: &[f64], x: &Block) -> Vec<f64> {
     inner(weights, x, x).into_iter().map(f64::sqrt).collect()
 }
 
-/// The matrix of the Krylov space: `beside[k]` stands between k and k + 1, the last one leads out of the space.
+/// The tridiagonal matrix in the Krylov space: `beside[k]` is its entry (k, k + 1); the last one leads out of the space.
 #[derive(Clone, Debug, Default)]
 struct Tridiagonal {
     diagonal: Vec<f64>,
