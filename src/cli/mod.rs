@@ -1,5 +1,6 @@
 //! The command-line program.
 
+mod allocator;
 pub mod args;
 mod checks;
 mod compare;
@@ -124,6 +125,7 @@ fn answer(arguments: &[OsString]) -> Answer {
     };
     let common = cli.command.common();
     let json = common.is_some_and(|common| common.json);
+    allocator::keep_little();
     interrupt::outlive_size_limits();
     // A panic is a defect of the program: one line reports it as such.
     std::panic::set_hook(Box::new(|defect| {

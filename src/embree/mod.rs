@@ -1,4 +1,4 @@
-//! Embree: the only unsafe code of the crate.
+//! Embree: the only unsafe code of the library.
 //!
 //! Rust sees a small C interface (`rays.h`) that takes whole batches of rays; Embree's own structs stay in C
 //! (`rays.c`, `packet.h`), which is compiled against the installed headers.
