@@ -100,9 +100,9 @@ pub struct Partial {
 /// - Between discontinuity lines, a view past one convex body is analytic. Where its edges and the target are three radii of a cell away or more,
 ///   all points of the cell are inside: 7 or 19 of a triangle, 9 or 25 of a quadrilateral.
 /// - Where the tolerance is above all of the exchange area without occluders, each cell from which one body at most hides anything has 3 or 4 points inside,
-///   and at least a fifth of the error allowed is stated: the true error is far smaller.
+///   and at least a fifth of the error allowed is stated, or 0.15 of the exchange area without occluders if that is less: the true error is far smaller.
 /// - Where the tolerance is above a hundredth of the exchange area without occluders, cells first have 7 or 9 points on their border and in the middle, which is enough for most.
-///   Three edges of different occluders may open a view between these points, which they miss: at least 0.15 of the tolerance, by the area of the cells that something is hidden from, is then stated as error.
+///   Three edges of different occluders may open a view between these points, which they miss: at least 0.15 of the tolerance or of that exchange area, whichever is less, by the area of the cells that something is hidden from, is then stated as error.
 /// - Cells from which several bodies hide something have 13 or 25 points a triangle in any case.
 /// - A closed convex solid hides from a point the region behind its silhouette, one convex polygon, however many sides there are. The discontinuity lines of a solid with seven sides or more are left out at first:
 ///   such a view is smooth but for small bends, and plain subdivision finds these. A plane between marks the cells that see nothing of the solid; others in which all points agree
@@ -122,13 +122,7 @@ pub fn exchange_area(p: &[DVec3], q: &[DVec3], occluders: &[Occluder<'_>], accur
     let areas = [p, q].map(|side| polygon::area_vector(side).length());
     let goal = accuracy.tolerance * areas[0].min(areas[1]);
     let whole = Whole::of(p, q, SHARE_OF_WHOLE * goal);
-    let mut begun = match View::new([p, q], occluders, whole) {
-        Ok(view) => {
-            let again = || View::new([p, q], occluders, whole);
-            Integration::open(view.look(again, goal, accuracy.budget))
-        }
-        Err(nothing) => Integration::without_looking(nothing),
-    };
+    let mut begun = Integration::begin([p, q], occluders, goal, accuracy.budget, whole);
     begun.refine(goal, accuracy.budget, &|| true);
     begun.result(goal)
 }
@@ -193,15 +187,10 @@ impl Integration {
         budget: usize,
         whole: Whole,
     ) -> Self {
-        let mut view = match View::new(sides, occluders, whole) {
-            Ok(view) => view,
-            Err(nothing) => return Self::without_looking(nothing),
-        };
-        match view.uncut(goal, SMALL) {
-            Some(enough) => Self {
-                state: State::Done(enough),
-            },
-            None => Self::open(view.look(|| View::new(sides, occluders, whole), goal, budget)),
+        let view = || View::new(sides, occluders, whole);
+        match view() {
+            Ok(first) => Self::open(first.look(view, goal, budget)),
+            Err(nothing) => Self::without_looking(nothing),
         }
     }
 
@@ -265,7 +254,7 @@ impl Integration {
 /// It is tried where the exchange area without occluders is up to [`SMALL_AMONG_MANY`] times the goal; the part that a shadow between all points may hide is stated as error. See [`Integration::begin`] for the arguments.
 pub(super) fn uncut(sides: [&[DVec3]; 2], occluders: &[Occluder<'_>], goal: f64, whole: Whole) -> Option<Partial> {
     let mut view = View::new(sides, occluders, whole).ok()?;
-    view.uncut(goal, SMALL_AMONG_MANY)
+    view.uncut(goal)
 }
 
 /// Chooses the polygon to integrate over: the one that is farther from all occluders in units of its own size, because shadows are softer there.
@@ -308,12 +297,9 @@ const MAX_CELLS: usize = 4096;
 /// The most pairs of a vertex and an edge that are tested for discontinuity lines.
 const MAX_EVENT_PAIRS: usize = 1 << 20;
 
-/// The part of the error allowed below which a pair's exchange area without occluders is integrated uncut.
+/// The multiple of the error allowed up to which a pair with many occluders is integrated uncut (see [`uncut`]), by its exchange area without them.
 ///
-/// The cut costs no more than it saves, and makes the true error far smaller than the tolerance; for pairs as small as this that does not matter.
-const SMALL: f64 = 0.1;
-
-/// The same for a pair with many occluders (see [`uncut`]): a cut costs far more there, and many small shadows together make a smooth integrand.
+/// A cut costs far more there than for few occluders, and many small shadows together make a smooth integrand.
 /// Times: `docs/performance.md`.
 const SMALL_AMONG_MANY: f64 = 40.0;
 
@@ -330,7 +316,7 @@ const PAST_BODIES_SHARE: f64 = 0.02;
 /// With it nine pairs in ten state less than 30 times their true errors, where these are a hundredth of the tolerance or more.
 const FIRST_SHARE: f64 = 0.3;
 
-/// The fraction of the unoccluded exchange area that a shadow between the seven sample points can hide.
+/// The fraction of the unoccluded exchange area that a shadow between the sample points can hide: the most that is stated beyond an estimate.
 const UNSEEN: f64 = 0.15;
 
 /// The least part of the error allowed that is stated for three or four points in a cell.
@@ -405,10 +391,10 @@ impl<'a> View<'a> {
         receiver.corners.iter().map(|&v| receiver.to_plane(v)).collect()
     }
 
-    /// Integrates over the receiver without discontinuity lines, if it exchanges less than `small` goals without occluders; `None` if that does not reach the goal.
-    fn uncut(&mut self, goal: f64, small: f64) -> Option<Partial> {
+    /// Integrates over the receiver without discontinuity lines, if it exchanges less than [`SMALL_AMONG_MANY`] goals without occluders; `None` if that does not reach the goal.
+    fn uncut(&mut self, goal: f64) -> Option<Partial> {
         let most = self.whole.area;
-        if most.is_nan() || most >= small * goal {
+        if most.is_nan() || most >= SMALL_AMONG_MANY * goal {
             return None;
         }
         let outer = self.outer();
@@ -470,7 +456,9 @@ impl<'a> View<'a> {
             events.extend(layers::cuts(&in_frame, low.distance(high)));
         }
         let outer = self.outer();
-        let enough = FIRST_SHARE * goal / polygon_area(&outer);
+        let area = polygon_area(&outer);
+        let enough = FIRST_SHARE * goal / area;
+        let may_hide = UNSEEN * self.whole.area;
         let cells = Cells::cut(
             outer,
             &events,
@@ -490,7 +478,7 @@ impl<'a> View<'a> {
         };
         let mut sight = self.sight;
         if past_bodies {
-            unlisted += PAST_BODIES_SHARE * goal;
+            unlisted += (PAST_BODIES_SHARE * goal).min(may_hide);
             sight.find_bodies();
             sight.unlisted = self
                 .bodies
@@ -501,6 +489,7 @@ impl<'a> View<'a> {
         sight.is_whole = is_whole;
         sight.is_one_body = is_one_body;
         sight.is_loose = is_loose;
+        sight.may_hide = may_hide / area;
         if is_whole && !is_one_body {
             sight.find_bodies();
         }
@@ -511,7 +500,7 @@ impl<'a> View<'a> {
             if is_looser && site.views != Views::Any {
                 let look = sight.look(site, |f| few::integrate(shape, f));
                 if look.estimate.least_error() <= allowed {
-                    looks.push(look.with_least_error(FEW_SHARE * allowed));
+                    looks.push(look.with_least_error(FEW_SHARE * enough, sight.may_hide));
                     continue;
                 }
             }
@@ -525,7 +514,7 @@ impl<'a> View<'a> {
                     Shape::Quad(corners) => quad::integrate(corners, f),
                 });
                 if look.estimate.least_error() <= allowed && !look.has_curves {
-                    looks.push(look.with_least_share(enough));
+                    looks.push(look.with_least_share(enough, sight.may_hide));
                     continue;
                 }
             }

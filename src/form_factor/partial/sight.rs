@@ -66,6 +66,8 @@ pub(super) struct Sight {
     pub(super) is_one_body: bool,
     /// True if hidden parts are evaluated in cells near the target alone: elsewhere F₀ has no peak, and where the tolerance is loose the visible part is enough.
     pub(super) is_loose: bool,
+    /// The most exchange area that a shadow between the points of a cell may hide, by area.
+    pub(super) may_hide: f64,
 }
 
 impl Sight {
@@ -118,6 +120,7 @@ impl Sight {
             is_whole: false,
             is_one_body: false,
             is_loose: false,
+            may_hide: f64::INFINITY,
         }
     }
 
@@ -274,7 +277,7 @@ impl Sight {
 
     fn with_some_error(&self, look: Look, enough: f64) -> Look {
         if self.is_loose {
-            look.with_least_share(enough)
+            look.with_least_share(enough, self.may_hide)
         } else {
             look
         }
@@ -384,15 +387,15 @@ pub(super) struct Look {
 }
 
 impl Look {
-    /// States at least the share of `enough`, an error by area, that few points leave where the tolerance is loose.
-    pub(super) fn with_least_share(self, enough: f64) -> Self {
+    /// States at least the share of `enough` that few points leave where the tolerance is loose; at most `may_hide`, both errors by area.
+    pub(super) fn with_least_share(self, enough: f64, may_hide: f64) -> Self {
         let share = if self.site.may_open { UNSEEN_SHARE } else { MIN_SHARE };
-        let least = share * enough * self.site.shape.area();
-        self.with_least_error(least)
+        self.with_least_error(share * enough, may_hide)
     }
 
-    /// States at least this error of a part that is not 0, and of a visible part that edges may open between points.
-    pub(super) fn with_least_error(mut self, least: f64) -> Self {
+    /// States at least this error by area, and at most `may_hide`, of a part that is not 0, and of a visible part that edges may open between points.
+    pub(super) fn with_least_error(mut self, least: f64, may_hide: f64) -> Self {
+        let least = least.min(may_hide) * self.site.shape.area();
         let Estimate { integral, error, .. } = &mut self.estimate;
         for part in [VISIBLE, HIDDEN] {
             if integral[part] > 0.0 || (part == VISIBLE && self.site.may_open) {
