@@ -14,12 +14,17 @@ use super::shapes::{
 
 /// An ellipsoid of `n` rings of `2 n` facets, which look outwards; triangles at the poles.
 fn ellipsoid(centre: DVec3, radii: DVec3, n: u32) -> Vec<Polygon> {
+    ellipsoid_cut(centre, radii, n, 0.0)
+}
+
+/// The same with the angle `cut` from the lower pole cut off.
+fn ellipsoid_cut(centre: DVec3, radii: DVec3, n: u32, cut: f64) -> Vec<Polygon> {
     let at = |i: u32, j: u32| {
-        if i == 0 || i == n {
+        if i == n || i == 0 && cut == 0.0 {
             return centre + radii * DVec3::Z * if i == 0 { -1.0 } else { 1.0 };
         }
         let (polar, around) = (
-            PI * f64::from(i) / f64::from(n),
+            (PI * f64::from(i) / f64::from(n)).max(cut),
             PI * f64::from(j % (2 * n)) / f64::from(n),
         );
         centre + radii * DVec3::new(polar.sin() * around.cos(), polar.sin() * around.sin(), -polar.cos())
@@ -32,9 +37,12 @@ fn ellipsoid(centre: DVec3, radii: DVec3, n: u32) -> Vec<Polygon> {
         }
         corners
     };
+    let part_of_bottom = |k: u32| vec![at(0, 0), at(0, k + 2), at(0, k + 1), at(0, k)];
+    let bottom = (1..2 * n - 1).step_by(2).filter(|_| cut > 0.0);
     (0..n)
         .flat_map(|i| (0..2 * n).map(move |j| (i, j)))
         .map(facet)
+        .chain(bottom.map(part_of_bottom))
         .collect()
 }
 
@@ -229,4 +237,31 @@ fn a_body_may_stand_on_a_corner() {
         past.reached && off <= past.error + by_sides.error,
         "{past:?} {by_sides:?}"
     );
+}
+
+/// A facet so small that its corners count as one has no edges, and no part in a silhouette.
+#[test]
+fn a_side_may_be_a_point() {
+    let (centre, radii) = (DVec3::new(0.0, 0.0, 0.5), DVec3::splat(0.4));
+    let floor = rectangle(DVec3::new(-1.0, -1.0, -0.5), DVec3::X * 2.0, DVec3::Y * 2.0);
+    let roof = rectangle(DVec3::new(-1.0, -1.0, 1.5), DVec3::Y * 2.0, DVec3::X * 2.0);
+    let accuracy = Accuracy {
+        tolerance: 1e-6,
+        budget: BUDGET,
+    };
+    let [whole, cut] = [(0.0, 32), (1e-13, 35)].map(|(cut, n_sides)| {
+        let body = ellipsoid_cut(centre, radii, 4, cut);
+        assert_eq!(body.len(), n_sides);
+        let index = OccluderIndex::new(&scene_of(&body));
+        let PairVisibility::Partial(ids) = index.classify(&floor, &roof) else {
+            panic!("the body hides a part of the roof");
+        };
+        let occluders = index.occluders(&floor, &roof, &ids);
+        assert!(occluders.iter().all(|side| side.body.is_some()));
+        let past = exchange_area(&floor, &roof, &occluders, accuracy);
+        assert!(past.reached, "{past:?}");
+        past
+    });
+    let off = (whole.exchange_area - cut.exchange_area).abs();
+    assert!(off <= whole.error + cut.error, "{whole:?} {cut:?}");
 }
