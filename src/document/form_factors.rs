@@ -120,7 +120,7 @@ pub struct FormFactorsDocument<'a> {
     pub lost_factor: Option<Vec<f64>>,
     /// Σ_j F_ij of each surface: what fronts receive of its light.
     pub row_sum_of_surface: Vec<f64>,
-    /// The absolute error of each, the area mean of those of its patches: the sum of what the entries of a row state, as these may have one sign; null where the errors of the form factors are not known.
+    /// The absolute error of each: the area mean over its patches of the sum of the errors of a row's entries, which may have one sign. Null where the errors of the form factors are not known.
     pub row_sum_error: Option<Vec<f64>>,
     /// The fraction of the light of each surface that escapes.
     pub sky_factor: Vec<f64>,

@@ -32,7 +32,7 @@ pub static SEQUENCE: Setting = Setting {
 /// The tolerance on A_i F_ij / min(A_i, A_j).
 pub static TOLERANCE: Setting = Setting {
     name: "tolerance",
-    help: "The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j)",
+    help: "The error of each form factor between partly hidden patches, on A_i F_ij / min(A_i, A_j)",
     letter: "T",
     kind: Kind::Number,
 };

@@ -22,8 +22,8 @@ pub struct MinMax {
 pub struct Checks {
     /// Least and greatest Σ_j F_ij.
     pub row_sum: MinMax,
-    /// max_i |1 − Σ_j F_ij| over the rows that are known to sum to 1, and max_i |1 − Σ_j F_ij − sky_i − back_i| with the fractions of
-    /// the row's rays that escaped and that backs took, over the others that have rays; `None` if there are neither.
+    /// max_i |1 − Σ_j F_ij| over the rows that are known to sum to 1. Over the others that have rays max_i |1 − Σ_j F_ij − sky_i − back_i|, with the fractions of
+    /// the row's rays that escaped and that backs took. `None` if there are neither.
     pub closure_error_max: Option<f64>,
     /// max_ij |A_i F_ij − A_j F_ji| / min(A_i, A_j).
     pub reciprocity_error_max: f64,

@@ -14,8 +14,9 @@ use crate::ranks::Ranks;
 /// (f32, AVX-512; `cargo bench --bench matrix -- f32 1/2`, with 1536 for a cache).
 const DENSE_FROM: f64 = 0.5;
 
-/// How a matrix is laid out in memory: tile by tile, where a tile is a range of rows, or 64 by 64 places of a symmetric matrix,
-/// of which only the upper triangle is stored.
+/// How a matrix is laid out in memory: tile by tile.
+///
+/// A tile is a range of rows, or 64 by 64 places of a symmetric matrix, of which only the upper triangle is stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]

@@ -18,8 +18,7 @@ pub struct Energy {
     /// Σ A (1 − ρ) H, W.
     #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
     pub absorbed: f64,
-    /// Σ A B (1 − Σ_j F_ij) without `absorbed_by_backs`, W: what leaves through openings, or is lost or made by row sums that are wrong; together with what backs take where that is
-    /// not known.
+    /// Σ A B (1 − Σ_j F_ij) without `absorbed_by_backs`, W: what leaves through openings, or is lost or made by row sums that are wrong. With what backs take where that is not known.
     #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
     pub escaped: f64,
     /// Σ A B b, W, with b_i the fraction of the light of patch i that black backs take; `None` where it is not known.

@@ -25,7 +25,7 @@ pub struct MeshError {
     pub surface_mean_max: f64,
     /// The surface that it is found on.
     pub surface: String,
-    /// sqrt(Σ A (B − B̄)² / Σ A (B − E)²), the worst channel, with B̄ the mean over the coarser patch: a small lamp's own light is no measure of what it lights.
+    /// sqrt(Σ A (B − B̄)² / Σ A (B − E)²), the worst channel, with B̄ the mean over the coarser patch. A small lamp's own light is no measure of what it lights.
     pub patches_rms: f64,
 }
 

@@ -91,7 +91,7 @@ pub struct ReproduceArgs {
     /// The first seed of `baranoski`, the seed of `stability` [default: 0]
     #[arg(long, value_name = "S")]
     pub seed: Option<u64>,
-    /// The finest level: of table 2 of `lewis`; 6 (24576 patches) takes 4 GB and a minute or two [default: 5]; of `crater`, 4^(L+1) faces, 2 to 6 [default: 4]; of `malgouyres`, 10 · 2^L voxels, of `pictures`, 24 · 2^L pixels, L up to 4 [default: 2]
+    /// The finest level. Of table 2 of `lewis`: 6 (24576 patches) takes 4 GB and a minute or two [default: 5]. Of `crater`: 4^(L+1) faces, 2 to 6 [default: 4]. Of `malgouyres`: 10 · 2^L voxels; of `pictures`: 24 · 2^L pixels, L up to 4 [default: 2]
     #[arg(long, value_name = "L", value_parser = clap::value_parser!(u32).range(1..=6))]
     pub level: Option<u32>,
     #[command(flatten)]

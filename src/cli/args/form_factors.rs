@@ -30,7 +30,7 @@ pub struct MeshArgs {
     /// Cut every edge into parts of at most L metres
     #[arg(long, value_name = "L", value_parser = parse_positive)]
     pub max_edge: Option<f64>,
-    /// Keep faces whole where others stand on them or pierce them: light leaks under these then, and the run warns how much, with exit code 3 above 1e-3 of what is emitted
+    /// Keep faces whole where others stand on them or pierce them. Light leaks under these then: the run warns how much, with exit code 3 above 1e-3 of what is emitted
     #[arg(long)]
     pub no_cut: bool,
     /// No effect: faces are cut at contact edges anyway
@@ -160,7 +160,7 @@ impl MethodArgs {
 /// Whether the scene is closed.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct ClosureArgs {
-    /// The scene is closed: its rows sum to 1 where no back is seen; refused where more than 1e-3 of the rays of a patch leave [default: by the shape of the scene, and by rays that are counted]
+    /// The scene is closed: its rows sum to 1 where no back is seen. Refused where more than 1e-3 of the rays of a patch leave [default: by the shape of the scene, and by rays that are counted]
     #[arg(long, conflicts_with = "open")]
     pub closed: bool,
     /// The scene is open: no row has to sum to 1
@@ -245,7 +245,7 @@ pub struct FormFactorsArgs {
     /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
-    /// A file for the form factors: .npz, .npy, .mtx or .exr (between patches), .csv or View3D's .vf (between surfaces), .vtu (sums and errors of each patch), .ply or .obj (patches in colours)
+    /// A file for the form factors. Between patches: .npz, .npy, .mtx or .exr; between surfaces: .csv or View3D's .vf; sums and errors of each patch: .vtu; patches in colours: .ply or .obj
     #[arg(short, long, value_name = "F.npz")]
     pub output: Option<PathBuf>,
     /// A surface by name: with `-o F.vtu`, .ply or .obj, the form factor from each patch to it

@@ -38,7 +38,7 @@ pub struct SunArgs {
     /// The angular radius of the sun in degrees: above 0 its shadows have penumbras [default: 0]
     #[arg(long, value_name = "DEG", value_parser = parse_not_negative, requires = "sun_direction")]
     pub sun_radius: Option<f64>,
-    /// The irradiance of a uniform sky on an unobstructed plane that faces up, W/m²: one number, or red, green and blue; up is that of the boundary file's sky, or +z
+    /// The irradiance of a uniform sky on an unobstructed plane that faces up, W/m²: one number, or red, green and blue. Up is that of the boundary file's sky, or +z
     #[arg(long, value_name = "W[,G,B]", value_parser = parse_channels)]
     pub sky: Option<[f64; 3]>,
 }
@@ -115,10 +115,10 @@ pub struct HeatArgs {
     /// Form factors that `form-factors -o` wrote, instead of computing them; they know how the scene was cut into patches
     #[arg(long, value_name = "F.npz", conflicts_with_all = of_computation())]
     pub form_factors: Option<PathBuf>,
-    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
+    /// The error of each form factor between partly hidden patches, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
-    /// A table of the sun at many times, with the columns time, x, y, z, irradiance or time, latitude, longitude, irradiance; the output is a series of times: .npz, or .vtu files with a .pvd. Surfaces store no heat: each time is a steady state
+    /// A table of the sun at many times, with the columns time, x, y, z, irradiance or time, latitude, longitude, irradiance. The output is a series of times: .npz, or .vtu files with a .pvd. Surfaces store no heat: each time is a steady state
     #[arg(long, value_name = "FILE.csv", group = "sun_direction", conflicts_with_all = ["sun_irradiance", "picture", "exchange_factors"], help_heading = "Sun")]
     pub sun_path: Option<PathBuf>,
     /// A picture of the temperature in false colour, with a scale: a PNG

@@ -24,7 +24,7 @@ pub struct PointsArgs {
     /// Count the sun in the mean radiant temperature as it acts on a standing person
     #[arg(long, requires = "boundary")]
     pub person: bool,
-    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
+    /// The error of each form factor between partly hidden patches, on A_i F_ij / min(A_i, A_j), with exact [default: 1e-6]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
     #[command(flatten)]

@@ -35,7 +35,7 @@ pub struct RenderArgs {
     /// The image to write; a PNG preview goes beside it
     #[arg(short, long, value_name = "IMAGE.exr")]
     pub output: PathBuf,
-    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: a tenth of the mesh's own error, where that is known, from 1e-5 to 1e-3]
+    /// The error of each form factor between partly hidden patches, on A_i F_ij / min(A_i, A_j), with exact [default: a tenth of the mesh's own error, where that is known, from 1e-5 to 1e-3]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
     /// Compute the form factors again in every pass instead of storing them; for methods that compute rows
@@ -143,7 +143,7 @@ pub struct ViewArgs {
     /// Height in pixels [default: in proportion to --width as the camera file says, else as wide]
     #[arg(long, value_name = "PIXELS", value_parser = image_side())]
     pub height: Option<u32>,
-    /// N² samples for each pixel, averaged in the colour layers; from 2 on four times as many at edges, and 16 times at edges of emitters, but in unfolded views a regular grid [default: 2; unfolded: 1]
+    /// N² samples for each pixel, averaged in the colour layers. From 2 on four times as many at edges, and 16 times at edges of emitters, but in unfolded views a regular grid [default: 2; unfolded: 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=16))]
     pub samples: Option<u32>,
 }

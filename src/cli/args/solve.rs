@@ -84,13 +84,13 @@ pub struct SolveArgs {
     /// A file with other exitances and reflectances, by surface or material; give it several times to solve for all at once
     #[arg(long, value_name = "A.toml", conflicts_with_all = ["sun_irradiance", "sky"])]
     pub lighting: Vec<PathBuf>,
-    /// An array of NumPy with exitances of the patches, W/m2, in place of the scene's: (n, k) for k grey lightings, (n, k, 3) for coloured ones, all solved in the same passes
+    /// An array of NumPy with exitances of the patches, W/m2, in place of the scene's. Shape (n, k) for k grey lightings, (n, k, 3) for coloured ones, all solved in the same passes
     #[arg(long, value_name = "E.npy", conflicts_with_all = ["lighting", "sun_irradiance", "on_the_fly"])]
     pub exitance: Option<PathBuf>,
-    /// The error that each form factor between partly hidden patches may have, on A_i F_ij / min(A_i, A_j), with exact [default: a tenth of the mesh's own error, where that is known, from 1e-6 to 1e-3]
+    /// The error of each form factor between partly hidden patches, on A_i F_ij / min(A_i, A_j), with exact [default: a tenth of the mesh's own error, where that is known, from 1e-6 to 1e-3]
     #[arg(long, value_name = "T", value_parser = parse_positive)]
     pub form_factor_tolerance: Option<f64>,
-    /// A table of the sun at many times, with the columns time, x, y, z, irradiance or time, latitude, longitude, irradiance; the output is a series of times: .npz, or .vtu files with a .pvd
+    /// A table of the sun at many times, with the columns time, x, y, z, irradiance or time, latitude, longitude, irradiance. The output is a series of times: .npz, or .vtu files with a .pvd
     #[arg(long, value_name = "FILE.csv", group = "sun_direction", conflicts_with_all = ["sun_irradiance", "lighting", "exitance", "on_the_fly"], help_heading = "Sun")]
     pub sun_path: Option<PathBuf>,
     #[command(flatten)]

@@ -30,16 +30,16 @@ pub struct VerifyReport {
     pub n_outside: usize,
     /// Rows and columns, of a tile or of a perspective image, whose mean is outside its tolerance.
     pub n_strips_outside: usize,
-    /// Pixels whose position `P`, depth `Z` or normal `N` is not that of the point that the view says, or whose `patch` is none where a face is, or some where none is.
+    /// Pixels whose position `P`, depth `Z` or normal `N` is not that of the point in view, or whose `patch` is none on a face, or some beside all faces.
     pub n_misplaced: usize,
-    /// Pixels whose layers contradict each other or the scene: a radiosity that is not E + ρ H, a radiance that is not radiosity/π, an albedo that is not ρ, an irradiance below the direct
-    /// one (or not equal to it although nothing reflects) or above that of a furnace, an error that is negative or no number, light where there is background, a patch on two faces.
+    /// Pixels whose layers contradict each other or the scene. A radiosity is not E + ρ H, a radiance not radiosity/π, or an albedo not ρ; an irradiance is below the direct
+    /// one (or not equal to it although nothing reflects) or above that of a furnace; an error is negative or no number; there is light in the background, or a patch is on two faces.
     pub n_inconsistent: usize,
     /// The largest error of a checked pixel and channel, in W·m⁻².
     pub max_error: f64,
     /// The root of the mean squared error over checked pixels and channels, in W·m⁻².
     pub rms_error: f64,
-    /// The root mean square of error / standard deviation over all pixels and channels where a normal distribution fits: 1 for independent rays, less for scrambled nets;
+    /// The root mean square of error / standard deviation over all pixels and channels where a normal distribution fits: 1 for independent rays, less for scrambled nets.
     /// `None` where there is no noise, or too few rays. The standard deviation is that of the emitters' true form factors and the rays that the file tells of.
     pub deviation: Option<f64>,
     /// The tolerance and its parts.
@@ -89,7 +89,7 @@ pub struct Tolerance {
     pub n_rays: u64,
     /// The number of independent samples that these rays are worth; 0 where the image has none.
     pub n_effective: f64,
-    /// The largest statistical part of a pixel's tolerance, in W·m⁻²: the bound that is proven, or what its neighbours' errors allow; how far from the truth shadow rays are that were drawn again.
+    /// The largest statistical part of a pixel's tolerance, in W·m⁻²: the proven bound, or what its neighbours' errors allow. For shadow rays that were drawn again, their distance from the truth.
     pub max_statistical: f64,
     /// The largest part due to the rays' start above the surface, in W·m⁻²: the exact change of the answer over 1.1 offsets.
     pub max_offset: f64,
