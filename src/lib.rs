@@ -19,7 +19,7 @@
 //! |---|---|
 //! | [`scene`] | a validated scene; OBJ and MTL files; cameras; the built-in scenes |
 //! | [`mesh`] | patches: faces cut so that flat neighbours match |
-//! | [`embree`] | Embree 4 behind a small C interface: the only unsafe code of the library |
+//! | [`embree`] | Embree 4 behind a small C interface: the only unsafe code |
 //! | [`visibility`] | visibility: through Embree, or in f64 by brute force |
 //! | [`form_factor`] | the methods, one file each |
 //! | [`matrix`] | form factors stored, checked, made symmetric, applied |

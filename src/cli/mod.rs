@@ -1,6 +1,5 @@
 //! The command-line program.
 
-mod allocator;
 pub mod args;
 mod checks;
 mod compare;
@@ -49,6 +48,7 @@ pub use exit_code::ExitCode;
 use failure::Failure;
 use json::{JsonDocument, in_order};
 
+use crate::embree::return_freed_blocks;
 use crate::printable::{printable_message, quoted};
 use crate::ranks::End;
 
@@ -125,7 +125,7 @@ fn answer(arguments: &[OsString]) -> Answer {
     };
     let common = cli.command.common();
     let json = common.is_some_and(|common| common.json);
-    allocator::keep_little();
+    return_freed_blocks();
     interrupt::outlive_size_limits();
     // A panic is a defect of the program: one line reports it as such.
     std::panic::set_hook(Box::new(|defect| {

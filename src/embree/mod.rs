@@ -1,4 +1,4 @@
-//! Embree: the only unsafe code of the library.
+//! Embree: the only unsafe code of the crate.
 //!
 //! Rust sees a small C interface (`rays.h`) that takes whole batches of rays; Embree's own structs stay in C
 //! (`rays.c`, `packet.h`), which is compiled against the installed headers.
@@ -22,6 +22,8 @@
 //! # Ok::<(), radiosity::embree::EmbreeError>(())
 //! ```
 //!
+//! [`return_freed_blocks`] stands here as the one other call of C.
+//!
 //! # Why not embree4-rs
 //!
 //! The crate embree4-rs 0.0.16 binds the same library, and serves here as an independent reference in the tests and
@@ -39,12 +41,14 @@
 
 #![allow(unsafe_code, reason = "here, and here alone, Rust meets C")]
 
+mod allocator;
 mod device;
 mod error;
 mod ffi;
 mod rays;
 mod scene;
 
+pub use allocator::return_freed_blocks;
 pub use device::Device;
 pub use error::{EmbreeError, Version};
 pub use scene::{CommittedScene, SceneBuilder};

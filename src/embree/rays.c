@@ -4,6 +4,9 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 
 #if RTC_VERSION_MAJOR < 4
 #error "Embree 4 or later is needed"
@@ -269,4 +272,12 @@ void radiosity_occluded(const radiosity_scene *scene, const radiosity_rays *rays
     case 4: occluded_4(scene, rays, &arguments, blocked); break;
     default: occluded_1(scene, rays, &arguments, blocked);
   }
+}
+
+void radiosity_return_freed_blocks(int n_bytes) {
+#ifdef __GLIBC__
+  mallopt(M_MMAP_THRESHOLD, n_bytes);
+#else
+  (void)n_bytes;
+#endif
 }

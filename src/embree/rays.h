@@ -1,4 +1,4 @@
-/* The small C interface through which Rust uses Embree. Embree's own structs stay behind it, in rays.c,
+/* The small C interface through which Rust uses Embree, and sets the allocator. Embree's own structs stay behind it, in rays.c,
  * which is compiled against the installed headers: a new field in one of them needs no change here. */
 #ifndef RADIOSITY_RAYS_H
 #define RADIOSITY_RAYS_H
@@ -81,5 +81,8 @@ void radiosity_closest_hits(const radiosity_scene *scene, const radiosity_rays *
 
 /* Tells for each ray whether anything lies on it. */
 void radiosity_occluded(const radiosity_scene *scene, const radiosity_rays *rays, bool coherent, bool *blocked);
+
+/* Has freed blocks of n_bytes and more return to the system at once, where the C library is glibc. */
+void radiosity_return_freed_blocks(int n_bytes);
 
 #endif
