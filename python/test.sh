@@ -16,8 +16,8 @@ if ! [ -x "$environment/bin/pip" ]; then
     }
 fi
 "$environment/bin/pip" install -q --upgrade "pip>=21.3"
-# With the features of the program, so that the library is not built a second time.
-MATURIN_PEP517_ARGS="--features radiosity/default" "$environment/bin/pip" install -q "./python[test,sparse,mesh,plot,bar]"
+# With the features of the program, so that the library is not built a second time; FEATURES names others.
+MATURIN_PEP517_ARGS="--features ${FEATURES:-radiosity/default}" "$environment/bin/pip" install -q "./python[test,sparse,mesh,plot,bar]"
 cd python
 # Not `python -m pytest`, which would import the package from here, where it is not compiled.
 "../$environment/bin/pytest" -q "$@"

@@ -87,7 +87,7 @@ impl BoxTree {
     /// Work: O(log n) and the number of boxes found, for boxes that are small beside the space that they fill.
     pub(crate) fn overlapping(&self, other: (DVec3, DVec3), visit: &mut impl FnMut(u32)) {
         // The search visits all.
-        let _ = self.meeting(&|own| overlap(own, other), &mut |k| {
+        let _: ControlFlow<()> = self.meeting(&|own| overlap(own, other), &mut |k| {
             visit(k);
             ControlFlow::Continue(())
         });
@@ -96,21 +96,21 @@ impl BoxTree {
     /// Calls `visit` once for each box for which `meets` is true, by its place in the list, until it breaks.
     ///
     /// `meets` is called with single boxes, and with boxes around several.
-    pub(crate) fn meeting(
+    pub(crate) fn meeting<T>(
         &self,
         meets: &impl Fn((DVec3, DVec3)) -> bool,
-        visit: &mut impl FnMut(u32) -> ControlFlow<()>,
-    ) -> ControlFlow<()> {
+        visit: &mut impl FnMut(u32) -> ControlFlow<T>,
+    ) -> ControlFlow<T> {
         let root = self.root();
         root.map_or(ControlFlow::Continue(()), |root| self.meeting_below(root, meets, visit))
     }
 
-    fn meeting_below(
+    fn meeting_below<T>(
         &self,
         index: usize,
         meets: &impl Fn((DVec3, DVec3)) -> bool,
-        visit: &mut impl FnMut(u32) -> ControlFlow<()>,
-    ) -> ControlFlow<()> {
+        visit: &mut impl FnMut(u32) -> ControlFlow<T>,
+    ) -> ControlFlow<T> {
         let node = &self.nodes[index];
         if !meets((node.low, node.high)) {
             return ControlFlow::Continue(());

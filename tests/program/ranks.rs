@@ -4,6 +4,8 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::Duration;
 
+use radiosity::form_factor::registry::METHODS;
+use radiosity::solver::registry::SOLVERS;
 use serde_json::Value;
 
 use crate::program::{PROGRAM, names, radiosity, stderr, succeed, with_scene};
@@ -44,8 +46,8 @@ fn results(at: &Path, output: &Output, files: &[&str]) -> (Value, Vec<Vec<u8>>) 
     (document, files.iter().map(taken).collect())
 }
 
-/// Runs a command without MPI, and on 1, 2 and 3 ranks: all print and write the same.
-fn expect_equal(at: &Path, arguments: &[&str], files: &[&str]) {
+/// Runs a command without MPI, and on 1, 2 and 3 ranks: all print and write the same, which is returned.
+fn expect_equal(at: &Path, arguments: &[&str], files: &[&str]) -> Value {
     let arguments = [arguments, &["--json"]].concat();
     let expected = results(at, &radiosity(at, &arguments), files);
     for n in 1..=3 {
@@ -53,6 +55,7 @@ fn expect_equal(at: &Path, arguments: &[&str], files: &[&str]) {
         assert_eq!(found.0, expected.0, "{arguments:?} on {n} ranks");
         assert!(found.1 == expected.1, "{arguments:?} on {n} ranks: {files:?} differ");
     }
+    expected.0
 }
 
 #[test]
@@ -225,6 +228,38 @@ fn light_and_pictures_are_the_same_bytes_on_any_number_of_ranks() {
         ],
         &["T.csv"],
     );
+}
+
+/// In a closed room of one reflectance and one exitance B = E / (1 − ρ) on every patch, by every method and every solver.
+#[test]
+fn every_method_and_solver_gives_the_same_bytes_and_the_furnace() {
+    if !has_mpi() {
+        return;
+    }
+    let directory = with_scene("cube");
+    let at = directory.path();
+    let materials = ["wall", "light"].map(|name| format!("newmtl {name}\nKd 0.7 0.7 0.7\nKe 2.5 2.5 2.5\n"));
+    std::fs::write(at.join("scene.mtl"), materials.concat()).unwrap();
+    let cut = ["scene.obj", "--subdivide", "4"];
+    for method in METHODS {
+        let factors = ["form-factors", "--method", method.name, "-o", "F.npz"];
+        expect_equal(at, &[&factors[..], &cut].concat(), &["F.npz"]);
+    }
+    // The closed form, and rays whose rows are balanced.
+    for method in ["exact", "sr"] {
+        for solver in SOLVERS {
+            let light = ["solve", "--method", method, "--solver", solver.name, "-o", "B.csv"];
+            let found = expect_equal(at, &[&light[..], &cut].concat(), &["B.csv"]);
+            for surface in found["surfaces"].as_array().unwrap() {
+                let radiosity = surface["radiosity"][0].as_f64().unwrap();
+                assert!(
+                    (radiosity * 0.3 / 2.5 - 1.0).abs() < 1e-5,
+                    "{method} {} {surface}",
+                    solver.name
+                );
+            }
+        }
+    }
 }
 
 /// Form factors would fit in parts, and are refused to a solver that needs all of them on each rank.

@@ -24,7 +24,7 @@ use crate::setting::{Kind, Setting, Value};
 /// - Partial pairs: [`partial::exchange_area`](crate::form_factor::partial::exchange_area), which follows the edges of the shadows, and subtracts the hidden part from the exchange area without occluders.
 ///   Two patches with many occluders are halved as long as that leaves fewer between the halves; where a wall stands in a narrow gap, both are cut along it.
 /// - The part that a convex solid of seven or more sides hides is subtracted at once, by its silhouette.
-/// - Pairs with five occluders or more, or three that are no sides of solids, are settled by rays where clipping would cost four times as much:
+/// - Pairs with five occluders or more, or three that are no sides of solids, are settled by rays where these take less time for the tolerance:
 ///   1/16 of the rays each from an independent scramble of Sobol points, until 4.5 standard errors of the mean and the part that all rays may have missed are within 3/10 of the tolerance;
 ///   [`PairCounts::by_rays`](crate::form_factor::PairCounts::by_rays) has their number. Their points depend on the two patches alone: results are the same bytes at any number of threads.
 ///

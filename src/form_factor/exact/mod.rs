@@ -1,4 +1,4 @@
-//! `exact`: every form factor to a tolerance, shadows included: by clipping, and by rays where clipping would cost far more.
+//! `exact`: every form factor to a tolerance, shadows included: by clipping, and by rays where these take less time.
 
 mod batch;
 mod batches;

@@ -130,7 +130,7 @@ impl PointViews {
         let mut deepest = f64::NEG_INFINITY;
         let is_near = |around| is_met(widened(around, 2.0 * self.tolerance), point, direction);
         // The search visits all.
-        let _ = self.tree_of_faces.meeting(&is_near, &mut |k| {
+        let _: ControlFlow<()> = self.tree_of_faces.meeting(&is_near, &mut |k| {
             deepest = deepest.max(depth(&self.faces[k as usize]));
             ControlFlow::Continue(())
         });

@@ -3,7 +3,7 @@
 //! A_P F_PQ = ∫_P F₀(x) dA − ∫_P F(x → hidden part of Q) dA. The first integral is the exchange area without occluders, which has a closed form. The inner factor of the second is exact:
 //! Q is clipped against the shadow of every occluder as seen from x, and the remaining pieces are summed by Lambert's formula. As a function of x it is analytic but for the lines on which
 //! the view changes its structure; P is cut along these first, and the cells are then integrated by an adaptive rule, worst cell first. Where more is hidden than visible, the visible part is integrated instead.
-//! f64 throughout. Where clipping many occluders would cost far more, rays in f64 take its place.
+//! f64 throughout. Where rays in f64 take less time for the tolerance than clipping, they take its place.
 
 #![expect(
     clippy::shadow_unrelated,
@@ -29,6 +29,7 @@ mod rule;
 mod screen;
 mod shadow;
 mod sight;
+mod stops;
 mod sunlit;
 mod view_cells;
 

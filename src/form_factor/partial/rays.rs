@@ -4,8 +4,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::flat::Flat;
-use super::shadow::EDGE_ON;
+use super::stops::Stops;
 use super::{Partial, Whole};
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
@@ -44,32 +43,32 @@ const MIN_ALL: usize = 5;
 /// The share of the allowed error for rays: the true errors of clipping are mostly far smaller than stated, those of rays are not, and rows have many of them.
 const SHARE: f64 = 0.3;
 
-/// How many times more clipping has to cost: its true errors are mostly far smaller, and rows gain from that.
-const GAIN: f64 = 4.0;
-
-/// The time of a ray, and of an occluder that it tests, in evaluations of the inner factor with one occluder.
-const RAY: f64 = 0.5;
-const LOOK: f64 = 0.02;
-
-/// The cost of clipping: evaluations for each occluder, evaluations by loose corners, and the growth of each evaluation.
+/// The rays beyond the first that take about as long as clipping, for the number of occluders to the power 1.5.
 ///
-/// The second is for the square of the number of corners that loose occluders have beyond those of a connected surface, the third for the square of the number of occluders.
-const CLIPS: f64 = 30.0;
-const CROSSINGS: f64 = 10.0;
-const SQUARE: f64 = 0.03;
+/// Fitted to the times of both for pairs in rooms, cities, hills and trees: `docs/performance.md`.
+const PER_OCCLUDER: f64 = 10.0;
+
+/// The same for the square of the number of corners that loose occluders have beyond those of a connected surface: each pair of their edges may cross in a view.
+const PER_CROSSING: f64 = 5.0;
+
+/// How many times more than that may be traced before rays count as in vain.
+const IN_VAIN: f64 = 4.0;
 
 /// Returns the most rays that a pair is worth, or `None` if clipping takes less time than rays.
 ///
-/// A ray tests `n_sides` polygons of `n_occluders`, of which those that are no sides of solids have `n_corners`; `ratio` is the exchange area without occluders in units of the error allowed.
+/// The loose ones of `n_occluders` have `n_corners`; `ratio` is the exchange area without occluders in units of the error allowed.
 /// The error of n scrambled rays falls as n^(−5/8), as each is stopped or passes: between n^(−1/2) of independent rays and n^(−3/4) of the best for regions of four dimensions.
-fn worth(n_occluders: usize, n_sides: usize, n_corners: usize, ratio: f64) -> Option<f64> {
-    let [occluders, sides, corners] = [n_occluders, n_sides, n_corners].map(|n| n as f64);
-    let expected = (SCRAMBLES * FIRST) as f64 + (0.5 * SPREADS * ratio).powf(1.6);
-    let of_ray = RAY + LOOK * sides;
-    let n_clips = CLIPS * occluders + CROSSINGS * (corners - occluders).max(0.0).powi(2);
-    let of_clips = n_clips * (1.0 + SQUARE * occluders * occluders);
-    // Rays in vain take as long as clipping, at most.
-    (GAIN * expected * of_ray < of_clips).then_some(of_clips / of_ray)
+fn worth(n_occluders: usize, n_corners: impl FnOnce() -> usize, ratio: f64) -> Option<f64> {
+    let first = (SCRAMBLES * FIRST) as f64;
+    let expected = first + (0.5 * SPREADS * ratio).powf(1.6);
+    let of_occluders = first + PER_OCCLUDER * (n_occluders as f64).powf(1.5);
+    let most = if expected <= of_occluders {
+        of_occluders
+    } else {
+        let beyond = n_corners().saturating_sub(n_occluders) as f64;
+        of_occluders + PER_CROSSING * beyond * beyond
+    };
+    (expected <= most).then_some(IN_VAIN * most)
 }
 
 /// Returns the exchange area of two polygons with occluders between them to within `goal`, m², by rays.
@@ -88,25 +87,26 @@ pub(in crate::form_factor) fn by_rays(
     whole: Whole,
 ) -> Option<Partial> {
     let loose = || occluders.iter().filter(|occluder| !occluder.one_sided);
-    let n_loose = loose().count();
-    if n_loose < MIN_LOOSE && count < MIN_ALL {
+    if loose().count() < MIN_LOOSE && count < MIN_ALL {
         return None;
     }
     let enough = SHARE * goal;
-    let most = worth(count, occluders.len(), n_corners(loose()), whole.area / enough)?;
-    let between = Between::new(sides, occluders)?;
+    let most = worth(count, || n_corners(loose()), whole.area / enough)?;
+    let mut between = Between::new(sides, occluders)?;
     let mut streams = between.streams();
+    let mut directions = Vec::with_capacity(between.to.triangles.len());
     let (mut n, mut sums) = (FIRST, [[0.0; 3]; SCRAMBLES]);
     let (mut last, mut n_done, mut n_seeing, mut n_stopped) = (0, 0, 0, 0);
     loop {
+        between.stops.expect(n * SCRAMBLES);
         for (stream, [all, hidden, squared]) in streams.iter_mut().zip(&mut sums) {
             for _ in n_done..n {
-                let (weight, ends) = between.ray(stream.next_point());
+                let (weight, ends) = between.ray(stream.next_point(), &mut directions);
                 *all += weight;
                 *squared += weight * weight;
                 if weight > 0.0 {
                     n_seeing += 1;
-                    if between.is_stopped(ends, &mut last) {
+                    if between.stops.stop(ends, &mut last) {
                         *hidden += weight;
                         n_stopped += 1;
                     }
@@ -218,22 +218,12 @@ fn part_of(u: f64, ends: &[f64]) -> (usize, f64) {
     (k, ((u - begin) / (ends[k] - begin)).clamp(0.0, 1.0))
 }
 
-/// A convex occluder, as a ray meets it.
-struct Screen {
-    plane: Flat,
-    /// The heights up to which the ends of rays on either polygon count as in the plane.
-    tolerances: [f64; 2],
-    one_sided: bool,
-    /// The corners, each with a vector that points inwards from the edge that begins there.
-    edges: Vec<(DVec3, DVec3)>,
-}
-
 /// Two polygons and their occluders.
 struct Between {
     from: Fan,
     to: Fan,
     is_near: bool,
-    screens: Vec<Screen>,
+    stops: Stops,
     seed: u64,
 }
 
@@ -261,30 +251,13 @@ impl Between {
             (middle, side.iter().map(|v| v.distance(middle)).fold(0.0, f64::max))
         });
         let gap = balls[0].0.distance(balls[1].0) - balls[0].1 - balls[1].1;
-        let screens = occluders.iter().filter(|occluder| occluder.corners.len() >= 3);
-        let screens = screens.map(|occluder| {
-            let corners = &occluder.corners;
-            let plane = Flat::of(corners);
-            let next = corners.iter().cycle().skip(1);
-            let tolerance = |side: &Vec<DVec3>| side.iter().map(|&v| plane.tolerance(v, EDGE_ON)).fold(0.0, f64::max);
-            Screen {
-                plane,
-                tolerances: sides.each_ref().map(tolerance),
-                one_sided: occluder.one_sided,
-                edges: corners
-                    .iter()
-                    .zip(next)
-                    .map(|(&a, &b)| (a, plane.normal.cross(b - a)))
-                    .collect(),
-            }
-        });
         let numbers = sides.iter().flatten().flat_map(DVec3::to_array);
         let seed = numbers.fold(0_u64, |seed, x| {
             (seed.rotate_left(23) ^ x.to_bits()).wrapping_mul(0x9e37_79b9_7f4a_7c15)
         });
         Some(Self {
             is_near: gap < NEAR * balls[1].1,
-            screens: screens.collect(),
+            stops: Stops::new(sides.each_ref().map(Vec::as_slice), occluders),
             from,
             to,
             seed,
@@ -296,23 +269,25 @@ impl Between {
     }
 
     /// Returns the ends of a ray, and the kernel without occluders there, m², over the density of such rays.
-    fn ray(&self, [u, v, s, t]: [f64; 4]) -> (f64, [DVec3; 2]) {
+    ///
+    /// `directions` is room for the parts of the other polygon in this view, each with the sum of solid angles up to its end.
+    fn ray(&self, [u, v, s, t]: [f64; 4], directions: &mut Vec<(SolidAngle, f64)>) -> (f64, [DVec3; 2]) {
         let x = self.from.point(u, v);
         if self.is_near {
-            let directions = self.to.triangles.iter().map(|triangle| SolidAngle::of(triangle, x));
-            let directions: Vec<SolidAngle> = directions.collect();
-            let sum: f64 = directions.iter().map(|d| d.size).sum();
+            directions.clear();
+            let mut sum = 0.0;
+            directions.extend(self.to.triangles.iter().map(|triangle| {
+                let part = SolidAngle::of(triangle, x);
+                sum += part.size;
+                (part, sum)
+            }));
             if sum > SMALL {
-                let mut end = 0.0;
-                let ends: Vec<f64> = directions
-                    .iter()
-                    .map(|d| {
-                        end += d.size / sum;
-                        end
-                    })
-                    .collect();
-                let (k, s) = part_of(s, &ends);
-                let direction = directions[k].direction(s, t);
+                let k = directions
+                    .partition_point(|&(_, end)| end <= s * sum)
+                    .min(directions.len() - 1);
+                let (part, end) = &directions[k];
+                let s = ((s * sum - (end - part.size)) / part.size).clamp(0.0, 1.0);
+                let direction = part.direction(s, t);
                 let rise = self.to.normal.dot(direction);
                 let along = self.to.normal.dot(self.to.triangles[0][0] - x) / rise;
                 let cosine = self.from.normal.dot(direction);
@@ -330,43 +305,12 @@ impl Between {
         let weight = self.from.area * self.to.area * kernel;
         (if weight.is_finite() { weight } else { 0.0 }, [x, y])
     }
-
-    /// Returns whether an occluder stops a ray; the one that stopped the `last` is tested first.
-    fn is_stopped(&self, [x, y]: [DVec3; 2], last: &mut usize) -> bool {
-        let stops = |screen: &Screen| {
-            let (h_x, h_y) = (screen.plane.height(x), screen.plane.height(y));
-            let [t_x, t_y] = screen.tolerances;
-            let from_front = h_x > t_x && h_y < -t_y;
-            let from_back = h_x < -t_x && h_y > t_y;
-            // A ray has no direction here: if it leaves a solid, it has entered it.
-            if !(from_front || from_back && !screen.one_sided) {
-                return false;
-            }
-            let met = x + (y - x) * (h_x / (h_x - h_y));
-            screen
-                .edges
-                .iter()
-                .all(|&(corner, inward)| inward.dot(met - corner) >= 0.0)
-        };
-        if self.screens.get(*last).is_some_and(stops) {
-            return true;
-        }
-        match self.screens.iter().position(stops) {
-            Some(k) => {
-                *last = k;
-                true
-            }
-            None => false,
-        }
-    }
 }
 
 /// The directions in which a point sees a triangle.
 struct SolidAngle {
     /// Unit vectors to the corners.
     corners: [DVec3; 3],
-    /// The angle of the spherical triangle at the first corner.
-    angle: f64,
     /// In sr; 0 where it has none.
     size: f64,
 }
@@ -374,14 +318,13 @@ struct SolidAngle {
 impl SolidAngle {
     fn of(triangle: &[DVec3; 3], point: DVec3) -> Self {
         let [a, b, c] = triangle.map(|v| (v - point).normalize_or_zero());
-        let [ab, bc, ca] = [a.cross(b), b.cross(c), c.cross(a)].map(DVec3::normalize_or_zero);
+        let are_apart = |p: DVec3, q: DVec3| p.cross(q).length_squared() > 0.0;
         // Van Oosterom and Strackee 1983: exact for small angles too.
         let volume = a.dot(b.cross(c)).abs();
         let size = 2.0 * volume.atan2(1.0 + a.dot(b) + b.dot(c) + c.dot(a));
         Self {
             corners: [a, b, c],
-            angle: (-ca).dot(ab).clamp(-1.0, 1.0).acos(),
-            size: if size.is_finite() && ab != DVec3::ZERO && bc != DVec3::ZERO && ca != DVec3::ZERO {
+            size: if size.is_finite() && are_apart(a, b) && are_apart(b, c) && are_apart(c, a) {
                 size.max(0.0)
             } else {
                 0.0
@@ -392,8 +335,11 @@ impl SolidAngle {
     /// Maps the unit square to the directions, uniformly by solid angle.
     fn direction(&self, u: f64, v: f64) -> DVec3 {
         let [a, b, c] = self.corners;
-        let (sin, cos) = self.angle.sin_cos();
-        let (s, t) = (u * self.size - self.angle).sin_cos();
+        // The angle of the spherical triangle at the first corner.
+        let [ab, ca] = [a.cross(b), c.cross(a)].map(DVec3::normalize_or_zero);
+        let angle = (-ca).dot(ab).clamp(-1.0, 1.0).acos();
+        let (sin, cos) = angle.sin_cos();
+        let (s, t) = (u * self.size - angle).sin_cos();
         let (p, q) = (t - cos, s + sin * a.dot(b));
         let along = (((q * t - p * s) * cos - q) / ((q * s + p * t) * sin)).clamp(-1.0, 1.0);
         let towards = |axis: DVec3, other: DVec3| (other - axis * axis.dot(other)).normalize_or_zero();
@@ -473,7 +419,7 @@ mod tests {
                 let exact = exchange_area(&floor, target, &occluders, accuracy);
                 for goal in [1.0, 0.1].map(|share| share * whole.area) {
                     // Enough occluders for rays to be worth it.
-                    let by = |p: &[DVec3], q: &[DVec3]| by_rays([p, q], &occluders, 40, goal, whole);
+                    let by = |p: &[DVec3], q: &[DVec3]| by_rays([p, q], &occluders, 100, goal, whole);
                     let found = by(&floor, target).expect("enough rays");
                     assert_eq!(Some(found), by(target, &floor));
                     let off = (found.exchange_area - exact.exchange_area).abs() / (found.error + exact.error);
@@ -489,11 +435,11 @@ mod tests {
 
     #[test]
     fn rays_are_chosen_where_clipping_would_cost_more() {
-        assert_eq!(worth(5, 5, 0, 1000.0), None);
-        assert!(worth(30, 30, 20, 5.0).is_some_and(|most| most < 1e5));
-        assert!(worth(40, 40, 120, 600.0).is_some(), "loose leaves");
-        assert_eq!(worth(40, 40, 24, 600.0), None, "facets of a surface");
-        assert_eq!(worth(12, 12, 36, 1e5), None);
+        assert_eq!(worth(5, || 0, 1000.0), None);
+        assert!(worth(5, || 0, 1.0).is_some() && worth(30, || 20, 20.0).is_some());
+        assert!(worth(40, || 120, 60.0).is_some(), "loose leaves");
+        assert_eq!(worth(40, || 24, 60.0), None, "sides of one surface");
+        assert_eq!(worth(1400, || 1000, 3500.0), None);
         let square = square(DVec3::ZERO, DVec3::X, DVec3::Y);
         let whole = Whole { area: 1.0, error: 0.0 };
         assert_eq!(by_rays([&square, &square], &[], 2, 1.0, whole), None);
