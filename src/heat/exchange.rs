@@ -18,7 +18,7 @@ pub const SURROUNDINGS: &str = "surroundings";
 pub struct ExchangeFactors {
     /// The names of the nodes, the surroundings last.
     pub names: Vec<String>,
-    /// ε A of each node, m²; for the surroundings Σ A s, with s the fraction of the light of a patch that escapes.
+    /// ε A of each node, m²; for the surroundings Σ A (s + b): of the light of a patch, the fraction s escapes and b meets black backs.
     pub emitting_area: Vec<f64>,
     /// The area-mean ε of each node; 1 for the surroundings.
     pub emissivity: Vec<f64>,
@@ -123,7 +123,7 @@ impl<'a> Gathered<'a> {
 
     /// Returns the factors, once all columns are added.
     ///
-    /// Conductors are averaged with their reverse, which makes them symmetric. The surroundings emit Σ A s, and the part of it that no node absorbs returns to them.
+    /// Conductors are averaged with their reverse, which makes them symmetric. The surroundings emit Σ A (s + b), and the part of it that no node absorbs returns to them.
     pub(crate) fn factors(self) -> ExchangeFactors {
         let m = self.nodes.names.len();
         let (mut areas, mut emitting_area) = (vec![0.0; m], vec![0.0; m]);

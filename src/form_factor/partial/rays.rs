@@ -54,6 +54,9 @@ const PER_CROSSING: f64 = 5.0;
 /// How many times more than that may be traced before rays count as in vain.
 const IN_VAIN: f64 = 4.0;
 
+/// Rays of a scramble after which it is asked whether to go on; some milliseconds.
+const UNTIL_ASKED: usize = 4096;
+
 /// Returns the most rays that a pair is worth, or `None` if clipping takes less time than rays.
 ///
 /// The loose ones of `n_occluders` have `n_corners`; `ratio` is the exchange area without occluders in units of the error allowed.
@@ -74,7 +77,7 @@ fn worth(n_occluders: usize, n_corners: impl FnOnce() -> usize, ratio: f64) -> O
 /// Returns the exchange area of two polygons with occluders between them to within `goal`, m², by rays.
 ///
 /// `None` where clipping takes less time, or rays turn out to take more than expected.
-/// `count` is the number of occluders, at most three sides for each solid; `whole` is the exchange area without them.
+/// `count` is the number of occluders, at most three sides for each solid; `whole` is the exchange area without them. Once `go_on` returns false, the result is that of the rays so far.
 ///
 /// A F = whole − ∫∫ K (1 − V) dA dA, by scrambled Sobol points on one polygon and on the other, or in the solid angle of the other where that is near; the part of `whole` that the unoccluded kernel K misses on the same rays
 /// is corrected in proportion. Sixteen independent scrambles: the error is 4.5 standard errors of their mean, and the part that all rays may have missed. Equal arguments give equal bits.
@@ -85,6 +88,7 @@ pub(in crate::form_factor) fn by_rays(
     count: usize,
     goal: f64,
     whole: Whole,
+    go_on: &dyn Fn() -> bool,
 ) -> Option<Partial> {
     let loose = || occluders.iter().filter(|occluder| !occluder.one_sided);
     if loose().count() < MIN_LOOSE && count < MIN_ALL {
@@ -97,10 +101,14 @@ pub(in crate::form_factor) fn by_rays(
     let mut directions = Vec::with_capacity(between.to.triangles.len());
     let (mut n, mut sums) = (FIRST, [[0.0; 3]; SCRAMBLES]);
     let (mut last, mut n_done, mut n_seeing, mut n_stopped) = (0, 0, 0, 0);
+    let mut found = None;
     loop {
         between.stops.expect(n * SCRAMBLES);
         for (stream, [all, hidden, squared]) in streams.iter_mut().zip(&mut sums) {
-            for _ in n_done..n {
+            for k in n_done..n {
+                if k % UNTIL_ASKED == 0 && found.is_some() && !go_on() {
+                    return found;
+                }
                 let (weight, ends) = between.ray(stream.next_point(), &mut directions);
                 *all += weight;
                 *squared += weight * weight;
@@ -116,15 +124,16 @@ pub(in crate::form_factor) fn by_rays(
         n_done = n;
         let n_rays = n * SCRAMBLES;
         let are_alike = n_stopped == 0 || n_stopped == n_seeing;
-        let found = estimate(&sums, n, are_alike, whole);
-        if found.error <= enough {
-            return Some(Partial {
-                exchange_area: found.area,
-                error: found.error,
-                n_evaluations: 0,
-                n_rays,
-                reached: true,
-            });
+        let Whole { area, error } = estimate(&sums, n, are_alike, whole);
+        found = Some(Partial {
+            exchange_area: area,
+            error,
+            n_evaluations: 0,
+            n_rays,
+            reached: error <= goal,
+        });
+        if error <= enough {
+            return found;
         }
         n *= 2;
         if (n * SCRAMBLES) as f64 > most {
@@ -419,7 +428,7 @@ mod tests {
                 let exact = exchange_area(&floor, target, &occluders, accuracy);
                 for goal in [1.0, 0.1].map(|share| share * whole.area) {
                     // Enough occluders for rays to be worth it.
-                    let by = |p: &[DVec3], q: &[DVec3]| by_rays([p, q], &occluders, 100, goal, whole);
+                    let by = |p: &[DVec3], q: &[DVec3]| by_rays([p, q], &occluders, 100, goal, whole, &|| true);
                     let found = by(&floor, target).expect("enough rays");
                     assert_eq!(Some(found), by(target, &floor));
                     let off = (found.exchange_area - exact.exchange_area).abs() / (found.error + exact.error);
@@ -434,6 +443,30 @@ mod tests {
     }
 
     #[test]
+    fn rays_end_once_they_are_told_to() {
+        let floor = square(DVec3::ZERO, DVec3::X, DVec3::Y);
+        let ceiling = square(DVec3::Z, DVec3::Y, DVec3::X);
+        let plates = [0.1, 0.4, 0.7].map(|x| square(DVec3::new(x, x, 0.5), 0.2 * DVec3::X, DVec3::new(0.1, 0.2, 0.1)));
+        let occluders = plates.each_ref().map(|corners| Occluder {
+            corners: corners.into(),
+            one_sided: false,
+            body: None,
+        });
+        let whole = Whole::of(&floor, &ceiling, 0.0);
+        let by = |go_on: bool| {
+            let goal = 3e-3 * whole.area;
+            by_rays([&floor, &ceiling], &occluders, 1500, goal, whole, &|| go_on).expect("enough rays")
+        };
+        let (all, part) = (by(true), by(false));
+        assert!(all.reached && part.n_rays == UNTIL_ASKED * SCRAMBLES && part.n_rays < all.n_rays);
+        let off = (all.exchange_area - part.exchange_area).abs();
+        assert!(
+            off <= all.error + part.error && all.error < part.error,
+            "{all:?} {part:?}"
+        );
+    }
+
+    #[test]
     fn rays_are_chosen_where_clipping_would_cost_more() {
         assert_eq!(worth(5, || 0, 1000.0), None);
         assert!(worth(5, || 0, 1.0).is_some() && worth(30, || 20, 20.0).is_some());
@@ -442,6 +475,6 @@ mod tests {
         assert_eq!(worth(1400, || 1000, 3500.0), None);
         let square = square(DVec3::ZERO, DVec3::X, DVec3::Y);
         let whole = Whole { area: 1.0, error: 0.0 };
-        assert_eq!(by_rays([&square, &square], &[], 2, 1.0, whole), None);
+        assert_eq!(by_rays([&square, &square], &[], 2, 1.0, whole, &|| true), None);
     }
 }
