@@ -77,7 +77,7 @@ impl Need {
     /// Returns the repair that suits the need.
     ///
     /// Errors of neighbouring low-discrepancy rays in a row cancel, which a mean with the reverse rows destroys: either symmetric repair may leave a greater error of B than none, and
-    /// pooled rows hardly do. Random rays and noisy pairs have no such cancellation. Six scenes are in `docs/stated-errors.md`.
+    /// pooled rows hardly do. Random rays and noisy pairs have no such cancellation. Five scenes are in `docs/stated-errors.md`.
     #[must_use]
     pub fn repair(self, sampling: Sampling) -> RepairKind {
         match (self, sampling) {
