@@ -230,7 +230,7 @@ fn light_and_pictures_are_the_same_bytes_on_any_number_of_ranks() {
     );
 }
 
-/// In a closed room of one reflectance and one exitance B = E / (1 − ρ) on every patch, by every method and every solver.
+/// Every method and every solver on ranks; in a closed room of one reflectance and one exitance, B = E / (1 − ρ) on every patch by every solver.
 #[test]
 fn every_method_and_solver_gives_the_same_bytes_and_the_furnace() {
     if !has_mpi() {

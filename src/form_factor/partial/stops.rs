@@ -127,3 +127,65 @@ impl Stops {
         found.break_value()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::DQuat;
+
+    use super::*;
+    use crate::geometry::sampling::{PointStream, Sequence};
+
+    #[test]
+    fn a_tree_finds_what_a_list_finds() {
+        let mut numbers = PointStream::new(Sequence::Random, 1, 0);
+        let mut point = || {
+            let [x, y, z, _] = numbers.next_point();
+            DVec3::new(x, y, z)
+        };
+        // Turned squares, and some along the axes.
+        let squares: Vec<Vec<DVec3>> = (0..300)
+            .map(|k| {
+                let turn = if k % 3 == 0 {
+                    DQuat::IDENTITY
+                } else {
+                    DQuat::from_scaled_axis(6.0 * point())
+                };
+                let (middle, a, b) = (0.1 + 0.8 * point(), turn * (0.03 * DVec3::X), turn * (0.03 * DVec3::Y));
+                vec![middle - a - b, middle + a - b, middle + a + b, middle - a + b]
+            })
+            .collect();
+        let occluders: Vec<Occluder<'_>> = squares
+            .iter()
+            .map(|corners| Occluder {
+                corners: corners.into(),
+                one_sided: false,
+                body: None,
+            })
+            .collect();
+        let level = |z: f64| [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| DVec3::new(x, y, z));
+        let (below, above) = (level(0.0), level(1.0));
+        let list = Stops::new([&below, &above], &occluders);
+        let mut tree = Stops::new([&below, &above], &occluders);
+        tree.expect(MIN_RAYS - 1);
+        assert!(tree.tree.is_none());
+        tree.expect(MIN_RAYS);
+        assert!(tree.tree.is_some());
+        let mut n_stopped = 0;
+        for k in 0..4000 {
+            let (mut x, mut y) = (point(), point());
+            if k % 4 == 0 {
+                // Parallel to an axis, through the middle of a square.
+                x = 0.5 * (squares[k % 300][0] + squares[k % 300][2]);
+                y = x;
+            }
+            (x.z, y.z) = (0.0, 1.0);
+            let stopped = [&list, &tree].map(|stops| {
+                let mut last = usize::MAX;
+                stops.stop([x, y], &mut last)
+            });
+            assert_eq!(stopped[0], stopped[1], "{x} {y}");
+            n_stopped += u32::from(stopped[0]);
+        }
+        assert!((1000..3500).contains(&n_stopped), "{n_stopped}");
+    }
+}
