@@ -11,6 +11,7 @@ use radiosity::scene::topology::{Enclosure, is_watertight};
 use radiosity::scene::{Corners, FaceId, Scene, builtin, write_obj};
 
 use crate::program::{document, radiosity, stderr};
+use crate::support::n_cases;
 use crate::support::rooms::{Prepared, Shapes, moved, with_decimals};
 
 /// A room of 4 m × 4 m × 3 m: faces 0 to 5.
@@ -449,7 +450,8 @@ fn expect_sky_within_its_error(open: &serde_json::Value, closed: &serde_json::Va
 #[test]
 fn what_leaves_a_room_that_is_stated_to_be_closed_is_its_error() {
     let directory = tempfile::tempdir().unwrap();
-    for (seed, gap) in [(2, 1e-7), (3, 1e-6), (4, 1e-5), (5, 1e-4)] {
+    let gaps = [(5, 1e-4), (2, 1e-7), (3, 1e-6), (4, 1e-5)];
+    for &(seed, gap) in &gaps[..n_cases(2, gaps.len())] {
         let room = tiled_room(seed);
         write_obj(&with_a_gap(&room, 11, gap), directory.path().join("scene.obj")).unwrap();
         for method in ["exact", "sr", "hemicube", "sg5"] {

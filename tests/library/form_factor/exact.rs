@@ -18,8 +18,8 @@ use radiosity::visibility::occluders::{OccluderIndex, PairVisibility};
 use serde_json::Value;
 use std::num::NonZeroUsize;
 
-use crate::support::Uniform;
 use crate::support::rooms::{Prepared, Shapes, moved, with_decimals};
+use crate::support::{Uniform, n_cases};
 
 fn exact(tolerance: f64) -> ExactMethod {
     ExactMethod {
@@ -229,7 +229,8 @@ fn parts_sum_to_the_whole_among_intersecting_boxes() {
 fn expect_parts_to_sum_to_the_whole(scene: &Scene) {
     let whole = Prepared::new(scene.clone(), 1);
     let whole = whole.by_surface(&compute(&whole, 1e-7).factors);
-    for (n, cut_at_walls) in [(2, false), (5, false), (1, true), (4, true)] {
+    let cuts = [(2, false), (4, true), (1, true), (5, false)];
+    for &(n, cut_at_walls) in &cuts[..n_cases(2, cuts.len())] {
         let options = MeshOptions {
             subdivision: Subdivision::Uniform(n),
             cut_at_walls,
@@ -684,7 +685,7 @@ fn partition(uniform: &mut Uniform) -> Scene {
 #[test]
 fn a_rounded_partition_neither_hides_nor_sees_its_own_other_side() {
     let mut uniform = Uniform(11);
-    for round in 0..20 {
+    for round in 0..n_cases(6, 20) {
         let scene = partition(&mut uniform);
         let n = scene.faces.len();
         let normals: Vec<DVec3> = scene.face_ids().map(|face| scene.area_vector(face)).collect();
@@ -808,18 +809,18 @@ fn pairs_with_much_in_between_are_what_they_are_as_a_whole() {
         shapes.cuboid(low, low + size, DQuat::IDENTITY, false);
     }
     let prepared = Prepared::new(shapes.scene(), 1);
-    let tolerance = 1e-5;
+    let tolerance = n_cases(1e-4, 1e-5);
     let found = compute(&prepared, tolerance).factors;
     let index = OccluderIndex::new(&prepared.scene);
     let polygon = |i: usize| prepared.scene.polygon(prepared.mesh.patches[i].face);
-    let mut n_checked = 0;
+    let (mut n_checked, n_to_check) = (0, n_cases(2, 6));
     let n = prepared.mesh.n_patches();
     for (i, j) in (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))) {
         let (p, q) = (polygon(i), polygon(j));
         let PairVisibility::Partial(among) = index.classify(&p, &q) else {
             continue;
         };
-        if among.len() < 12 || n_checked == 6 {
+        if among.len() < 12 || n_checked == n_to_check {
             continue;
         }
         n_checked += 1;
@@ -838,7 +839,7 @@ fn pairs_with_much_in_between_are_what_they_are_as_a_whole() {
         let difference = (split - whole.exchange_area).abs();
         assert!(difference <= error + whole.error, "{i} {j}: {split} {error} {whole:?}");
     }
-    assert_eq!(n_checked, 6);
+    assert_eq!(n_checked, n_to_check);
 }
 
 #[test]
@@ -961,7 +962,7 @@ fn boxes_that_touch_let_no_light_through_however_their_coordinates_are_rounded()
             -0.714_265_652_027_200_3,
         ],
     ];
-    for turn in turns {
+    for turn in turns.into_iter().take(n_cases(2, turns.len())) {
         let meant = moved(&upright, DQuat::from_array(turn), 1.0, DVec3::ZERO);
         for places in [6, 9, 10, 11] {
             let found = compute(&Prepared::new(with_decimals(places, &meant), 1), 1e-4).factors;
@@ -1032,7 +1033,7 @@ fn rounding_of_what_touches_spends_no_budget() {
         tolerance: 1e-6,
         budget: 400_000,
     };
-    for round in 0..6 {
+    for round in 0..n_cases(2, 6) {
         let quads = room_with_what_stands_in_it(&mut uniform);
         // Quads of five digits are bent too much to stay.
         for (places, unit, scene) in [(6, 1e-6, quads.clone()), (5, 1e-5, in_triangles(&quads))] {

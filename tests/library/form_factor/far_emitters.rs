@@ -12,8 +12,8 @@ use radiosity::geometry::point_form_factor::point_form_factor;
 use radiosity::geometry::polygon;
 use radiosity::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
 
-use crate::support::Uniform;
 use crate::support::rooms::{Prepared, Shapes};
+use crate::support::{Uniform, n_cases};
 
 impl Uniform {
     fn turn(&mut self) -> DQuat {
@@ -239,7 +239,7 @@ fn expect_shadow_at_every_distance(seed: u64, angular_size: f64, elevation: f64)
 
 #[test]
 fn a_near_shadow_stays_whatever_the_distance_of_a_wide_emitter() {
-    for seed in 0..16 {
+    for seed in 0..n_cases(6, 16) {
         let mut random = Uniform(1000 + seed);
         let (size, elevation) = (random.scale(0.05, 0.5), random.between(0.6, 1.5));
         expect_shadow_at_every_distance(seed, size, elevation);
@@ -248,7 +248,7 @@ fn a_near_shadow_stays_whatever_the_distance_of_a_wide_emitter() {
 
 #[test]
 fn a_near_shadow_stays_whatever_the_distance_of_a_sun() {
-    for seed in 0..16 {
+    for seed in 0..n_cases(6, 16) {
         let mut random = Uniform(2000 + seed);
         let (size, elevation) = (random.scale(1e-4, 0.02), random.between(0.3, 1.5));
         expect_shadow_at_every_distance(seed, size, elevation);
@@ -257,7 +257,7 @@ fn a_near_shadow_stays_whatever_the_distance_of_a_sun() {
 
 #[test]
 fn a_near_shadow_stays_before_an_emitter_half_behind_the_horizon() {
-    for seed in 0..16 {
+    for seed in 0..n_cases(6, 16) {
         let mut random = Uniform(3000 + seed);
         let size = random.scale(0.02, 0.5);
         let elevation = size * random.between(-0.15, 0.6);

@@ -19,7 +19,7 @@ use radiosity::visibility::occluders::Occluder;
 
 use crate::support::rooms::{Prepared, Shapes, moved, names, quick};
 use crate::support::solving::{all, l2, random_materials, run, system};
-use crate::support::{dense, relative_error, solve_direct};
+use crate::support::{dense, n_cases, relative_error, solve_direct};
 
 /// A room of 1 to 2 m a side with things in it that do not touch its walls.
 #[derive(Clone, Debug)]
@@ -80,14 +80,14 @@ fn room(n_triangles: impl Into<proptest::collection::SizeRange>) -> impl Strateg
         .prop_map(|(size, boxes, triangles)| Room { size, boxes, triangles })
 }
 
-/// So many cases from a seed, which `PROPTEST_RNG_SEED` and `PROPTEST_CASES` replace. What fails is kept beside this file, and tried first from then on.
+/// So many cases from a seed, or a third of them (see `n_cases`), which `PROPTEST_RNG_SEED` and `PROPTEST_CASES` replace. What fails is kept beside this file, and tried first from then on.
 fn cases(n: u32, seed: u64) -> ProptestConfig {
     let asked = ProptestConfig::default();
     ProptestConfig {
         cases: if std::env::var_os("PROPTEST_CASES").is_some() {
             asked.cases
         } else {
-            n
+            n_cases(n.div_ceil(3), n)
         },
         rng_seed: match asked.rng_seed {
             RngSeed::Random => RngSeed::Fixed(seed),

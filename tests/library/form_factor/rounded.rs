@@ -7,7 +7,7 @@ use radiosity::form_factor::{Computed, ExactMethod, FormFactorMethod};
 use radiosity::scene::{Scene, builtin};
 
 use crate::support::rooms::{Prepared, Shapes, ground, moved, quick, with_decimals, with_digits, written_as};
-use crate::support::{Uniform, n_above, worst_error};
+use crate::support::{Uniform, n_above, n_cases, worst_error};
 
 /// A corner of a room on a map of a country, in metres.
 const ON_A_MAP: DVec3 = DVec3::new(500_000.0, 5_600_000.0, 100.0);
@@ -288,7 +288,7 @@ fn what_rounding_takes_is_stated() {
     ] {
         for &format in formats {
             let mut of_kind = Coverage::default();
-            for seed in 0..2 {
+            for seed in 0..n_cases(1, 2) {
                 of_kind.add(&random_scene(kind, &mut Uniform(seed)), format, &exact);
             }
             let case = format!("{kind} {}: {} of {}", format.0, of_kind.above_one, of_kind.n);

@@ -9,10 +9,12 @@
 use radiosity::matrix::operator::{Block, LinearOperator};
 use radiosity::matrix::{FormFactors, Layout, MatrixError, Precision, RowTally, RowTile, StorageChoice};
 
-use crate::support::{Uniform, all_storages, bits, dense, storage};
+use crate::support::{Uniform, all_storages, bits, dense, n_cases, storage};
 
-/// Sizes around the side of a tile, 64.
-const SIZES: [usize; 7] = [1, 5, 63, 64, 65, 128, 203];
+/// Returns sizes around the side of a tile, 64.
+fn sizes() -> &'static [usize] {
+    n_cases::<&[usize]>(&[1, 64, 65, 203], &[1, 5, 63, 64, 65, 128, 203])
+}
 
 struct Exchange {
     areas: Vec<f64>,
@@ -71,7 +73,7 @@ fn random_block(n: usize, n_channels: usize, seed: u64) -> Block {
 
 #[test]
 fn both_halves_give_back_what_was_stored() {
-    for n in SIZES {
+    for &n in sizes() {
         for density in [0.02, 0.4, 1.0] {
             let exchange = Exchange::new(n, density, n as u64);
             for choice in all_storages() {
@@ -109,7 +111,7 @@ fn both_halves_give_back_what_was_stored() {
 
 #[test]
 fn applies_what_is_stored() {
-    for n in SIZES {
+    for &n in sizes() {
         for density in [0.02, 1.0] {
             for choice in all_storages() {
                 let f = Exchange::new(n, density, 3).store(choice);

@@ -9,6 +9,7 @@ use super::scenes::Random;
 use super::shapes::{
     Polygon, area, cut, exchange, in_triangles, random_case, random_polygon, random_rotation, rectangle,
 };
+use crate::support::n_cases;
 
 const TOLERANCE: f64 = 1e-6;
 
@@ -54,7 +55,7 @@ fn parts_add_up() {
 #[test]
 fn occluders_in_pieces_block_as_whole_ones_do() {
     let mut random = Random::new(23);
-    for _ in 0..6 {
+    for _ in 0..n_cases(2, 6) {
         let (p, q, occluders) = random_case(&mut random);
         let whole = exchange(&p, &q, &occluders, TOLERANCE);
         let pieces: Vec<Polygon> = occluders
@@ -92,7 +93,7 @@ fn one_more_occluder_never_lets_more_through() {
 fn motions_and_scales_change_nothing_but_the_unit() {
     let mut random = Random::new(25);
     for scale in [1e-3, 1.0, 1e4] {
-        for _ in 0..5 {
+        for _ in 0..n_cases(2, 5) {
             let (p, q, occluders) = random_case(&mut random);
             let motion = random.motion();
             let moved = |polygon: &Polygon| polygon.iter().map(|&v| motion.point(v) * scale).collect::<Polygon>();

@@ -33,6 +33,15 @@ impl Uniform {
     }
 }
 
+/// Returns how many random cases a test takes: a few, or all where `ALL_CASES` is set, as CONTRIBUTING.md asks before a release.
+pub(crate) fn n_cases<N>(few: N, all: N) -> N {
+    if std::env::var_os("ALL_CASES").is_some() {
+        all
+    } else {
+        few
+    }
+}
+
 /// Wraps the rows of a matrix as tiles of `rows_per_tile` rows, without rays.
 pub(crate) fn tiles(rows: &[Vec<f64>], rows_per_tile: usize) -> Vec<RowTile> {
     let mut tiles = Vec::new();
