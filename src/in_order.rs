@@ -1,6 +1,6 @@
 //! Runs work in parallel and yields its results in order, with bounded memory.
 
-use rayon::prelude::*;
+use crate::threads;
 
 /// Yields `work(0)`, `work(1)`, ..., `work(n − 1)`.
 ///
@@ -34,7 +34,7 @@ impl<T: Send, F: Fn(usize) -> T + Sync> Iterator for InOrder<T, F> {
     fn next(&mut self) -> Option<T> {
         if self.ready.len() == 0 {
             let end = self.n.min(self.next.saturating_add(self.window));
-            let results: Vec<T> = (self.next..end).into_par_iter().map(&self.work).collect();
+            let results = threads::collect(end - self.next, |k| (self.work)(self.next + k));
             self.next = end;
             self.ready = results.into_iter();
         }
@@ -51,8 +51,7 @@ pub(crate) fn by_turns<A: Send, B: Send>(
     std::iter::from_fn(move || {
         if ready.len() == 0 {
             let turn: Vec<A> = items.by_ref().take(rayon::current_num_threads()).collect();
-            let done: Vec<B> = turn.into_par_iter().map(&work).collect();
-            ready = done.into_iter();
+            ready = threads::collect_owned(turn, &work).into_iter();
         }
         ready.next()
     })

@@ -19,7 +19,7 @@ const GREY: &str = "two of three channels: every material is grey";
 
 /// One decision with its reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Decision {
     /// The question.
     pub subject: &'static str,

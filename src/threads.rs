@@ -1,4 +1,9 @@
-//! Decides when further threads are worth waking: small work runs on the calling thread alone.
+//! Loops on several threads, and the decision when further threads are worth waking: small work runs on the calling thread alone.
+//!
+//! The code of a parallel loop is long, and a compiler makes it anew for each closure: here it is compiled once.
+
+use std::ops::Range;
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
@@ -29,10 +34,73 @@ pub(crate) fn pay_for_pass(n_terms: usize, n_byte: usize) -> bool {
     n_byte >= CACHED_BYTE || n_terms >= PASS_TERMS
 }
 
+/// The number of pieces per thread into which a loop is cut, as some take longer than others.
+const PIECES_PER_THREAD: usize = 64;
+
+/// Calls `work` for 0 to `n` − 1, in parallel.
+fn run(n: usize, work: &(dyn Fn(usize) + Sync)) {
+    (0..n).into_par_iter().with_max_len(1).for_each(work);
+}
+
+/// Returns the results of `work` for 0 to `n` − 1, in order, computed in parallel.
+pub(crate) fn collect<R: Send>(n: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
+    in_pieces(n, &|piece| piece.map(&work).collect())
+}
+
+/// Returns the results of `work` for every item, in order, computed in parallel.
+pub(crate) fn collect_from<'a, T: Sync, R: Send>(items: &'a [T], work: impl Fn(&'a T) -> R + Sync) -> Vec<R> {
+    collect(items.len(), |k| work(&items[k]))
+}
+
+/// Returns what [`collect_from`] does, of items that `work` takes.
+pub(crate) fn collect_owned<T: Send, R: Send>(items: Vec<T>, work: impl Fn(T) -> R + Sync) -> Vec<R> {
+    let items: Vec<Mutex<Option<T>>> = items.into_iter().map(|item| Mutex::new(Some(item))).collect();
+    collect_from(&items, |item| {
+        let item = item.lock().unwrap_or_else(PoisonError::into_inner).take();
+        work(item.expect("each item is taken once"))
+    })
+}
+
+/// Returns what [`collect`] does; `init` makes what some calls of `work` use one after the other, such as buffers.
+pub(crate) fn collect_with<S, R: Send>(
+    n: usize,
+    init: impl Fn() -> S + Sync,
+    work: impl Fn(&mut S, usize) -> R + Sync,
+) -> Vec<R> {
+    in_pieces(n, &|piece| {
+        let mut state = init();
+        piece.map(|k| work(&mut state, k)).collect()
+    })
+}
+
+/// Returns all that the results of `work` for 0 to `n` − 1 yield, in order, computed in parallel.
+pub(crate) fn collect_flat<R: Send, I: IntoIterator<Item = R>>(n: usize, work: impl Fn(usize) -> I + Sync) -> Vec<R> {
+    in_pieces(n, &|piece| piece.flat_map(&work).collect())
+}
+
+/// Returns the results of `work` for consecutive ranges of 0 to `n` − 1, one after the other.
+fn in_pieces<R: Send>(n: usize, work: &(dyn Fn(Range<usize>) -> Vec<R> + Sync)) -> Vec<R> {
+    let n_pieces = n.min(PIECES_PER_THREAD * rayon::current_num_threads());
+    let done: Vec<Mutex<Vec<R>>> = (0..n_pieces).map(|_| Mutex::new(Vec::new())).collect();
+    run(n_pieces, &|piece| {
+        let results = work(piece * n / n_pieces..(piece + 1) * n / n_pieces);
+        *done[piece].lock().unwrap_or_else(PoisonError::into_inner) = results;
+    });
+    let of_pieces: Vec<Vec<R>> = done
+        .into_iter()
+        .map(|results| results.into_inner().unwrap_or_else(PoisonError::into_inner))
+        .collect();
+    let mut all = Vec::with_capacity(of_pieces.iter().map(Vec::len).sum());
+    for mut results in of_pieces {
+        all.append(&mut results);
+    }
+    all
+}
+
 /// Calls `work` for every task; in order on this thread unless `pay` is true.
-pub(crate) fn for_each<T: Send>(pay: bool, tasks: Vec<T>, work: impl Fn(T) + Sync + Send) {
+pub(crate) fn for_each<T: Send>(pay: bool, tasks: Vec<T>, work: impl Fn(T) + Sync) {
     if pay {
-        tasks.into_par_iter().for_each(work);
+        collect_owned(tasks, work);
     } else {
         tasks.into_iter().for_each(work);
     }
@@ -43,21 +111,20 @@ pub(crate) fn for_each_chunk<T: Send>(
     pay: bool,
     items: &mut [T],
     n_together: usize,
-    work: impl Fn(usize, &mut [T]) + Sync + Send,
+    work: impl Fn(usize, &mut [T]) + Sync,
 ) {
+    let chunks = items.chunks_mut(n_together).enumerate();
     if pay {
-        let chunks = items.par_chunks_mut(n_together).enumerate();
-        chunks.for_each(|(k, chunk)| work(k, chunk));
+        for_each(true, chunks.collect(), |(k, chunk)| work(k, chunk));
     } else {
-        let chunks = items.chunks_mut(n_together).enumerate();
         chunks.for_each(|(k, chunk)| work(k, chunk));
     }
 }
 
 /// Returns the results of `work` for 0 to `n` − 1; computed on this thread unless `pay` is true.
-pub(crate) fn map<R: Send>(pay: bool, n: usize, work: impl Fn(usize) -> R + Sync + Send) -> Vec<R> {
+pub(crate) fn map<R: Send>(pay: bool, n: usize, work: impl Fn(usize) -> R + Sync) -> Vec<R> {
     if pay {
-        (0..n).into_par_iter().map(work).collect()
+        collect(n, work)
     } else {
         (0..n).map(work).collect()
     }

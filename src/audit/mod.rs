@@ -36,7 +36,7 @@ pub use solution::{Given, propagation, sides, solution};
 
 /// A law that a result has to obey.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Law {
@@ -101,7 +101,7 @@ impl Law {
 
 /// One law, and how near it is to being broken.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Check {
     /// The law.
     pub law: Law,
@@ -112,10 +112,10 @@ pub struct Check {
     /// Places that break it.
     pub n_violations: u64,
     /// How far the worst place is from what the law says, in the law's unit; infinite for what is not a number.
-    #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
+    #[cfg_attr(test, schemars(with = "Option<f64>"))]
     pub deviation: f64,
     /// How far it may be.
-    #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
+    #[cfg_attr(test, schemars(with = "Option<f64>"))]
     pub allowed: f64,
     /// The worst place: a patch, or a pixel, counted row by row.
     pub patch: Option<usize>,
@@ -158,7 +158,7 @@ impl fmt::Display for Check {
 
 /// A law that a result does not promise, and why.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct NotChecked {
     /// The law.
     pub law: Law,

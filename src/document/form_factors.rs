@@ -9,7 +9,7 @@ use crate::workflow::{FormFactorStudy, Model, SurfaceTable};
 
 /// Form factors: their checks, their rays, their storage.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct FormFactorRecord {
     /// True if light cannot leave the scene.
     pub closed: bool,
@@ -43,7 +43,7 @@ pub struct FormFactorRecord {
 
 /// How form factors are stored.
 #[derive(Clone, Copy, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct StorageRecord {
     /// The stored places of a tile.
     pub layout: Layout,
@@ -55,7 +55,7 @@ pub struct StorageRecord {
 
 /// Where numbers are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum PlaceName {
     /// In memory.
@@ -101,7 +101,7 @@ impl From<&FormFactorStudy> for FormFactorRecord {
 
 /// The result of `form-factors`: row i and column j of a table are from surface i to surface j, area means over the patches of i.
 #[derive(Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct FormFactorsDocument<'a> {
     /// The form factors.
     #[serde(flatten)]

@@ -8,7 +8,7 @@ use crate::workflow::{FormFactorStudy, HeatStep, HeatStudy, Model};
 
 /// The result of `heat`.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct HeatDocument {
     /// How many patches there are.
     pub n_patches: usize,
@@ -33,7 +33,7 @@ impl HeatDocument {
 
 /// The result of `points`.
 #[derive(Clone, Copy, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PointsDocument {
     /// How many points there are.
     pub n_points: usize,

@@ -14,7 +14,7 @@ use crate::workflow::{FormFactorStudy, FrameStudy, MeshError, PoseStudy};
 
 /// The result of `render`.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct RenderDocument {
     /// How the solution was reached.
     #[serde(flatten)]
@@ -41,7 +41,7 @@ pub struct RenderDocument {
 
 /// The result of `render --frames`: what stands first is of the pose whose solution is worst, with the worst figures of all poses.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct FramesDocument {
     /// How the solution was reached.
     #[serde(flatten)]
@@ -117,7 +117,7 @@ fn severity(reason: StopReason) -> u8 {
 
 /// One pose of a sequence.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PoseRecord {
     /// The names of its frames.
     pub frames: Vec<String>,
@@ -126,7 +126,7 @@ pub struct PoseRecord {
     /// The solver.
     pub solver: String,
     /// Why `auto` chose it.
-    #[cfg_attr(feature = "cli", schemars(with = "Option<String>"))]
+    #[cfg_attr(test, schemars(with = "Option<String>"))]
     pub why: Option<ChoiceReason>,
     /// Passes over the form factors.
     pub n_passes: usize,
@@ -141,7 +141,7 @@ pub struct PoseRecord {
 
 /// The fate of the first pose's form factors in a later one.
 #[derive(Clone, Copy, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct UpdateRecord {
     /// Faces that moved.
     pub n_moved_faces: usize,
@@ -165,7 +165,7 @@ impl UpdateRecord {
 
 /// One frame of a sequence.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct FrameRecord {
     /// Its name.
     pub name: String,
@@ -221,7 +221,7 @@ impl FrameRecord {
 
 /// The result of `field`.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct FieldDocument {
     /// The surface that the form factors are to.
     pub surface: String,

@@ -7,8 +7,8 @@ mod form_factors;
 mod heat;
 mod image;
 mod other;
-#[cfg(feature = "cli")]
-pub mod schema;
+#[cfg(all(test, feature = "cli"))]
+mod schema;
 mod solution;
 mod sun_path;
 mod surfaces;
@@ -36,7 +36,7 @@ pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// The keys that the documents of all commands share, around a command's own result.
 #[derive(Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Document<'a, T> {
     /// The version of these documents; another one has other keys or meanings.
     pub schema_version: u32,
@@ -47,7 +47,7 @@ pub struct Document<'a, T> {
     /// The settings of the result.
     pub settings: &'a Settings,
     /// Wall time of each stage, s, by `NAME_s`.
-    #[cfg_attr(feature = "cli", schemars(with = "std::collections::BTreeMap<String, f64>"))]
+    #[cfg_attr(test, schemars(with = "std::collections::BTreeMap<String, f64>"))]
     pub stages: StageTimes,
     /// The sum of `stages`, s.
     pub total_s: f64,
@@ -81,7 +81,7 @@ impl<'a, T> Document<'a, T> {
 
 /// The result of a command that prepared a scene, with what was left out and what was checked.
 #[derive(Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct OfScene<'a, T> {
     /// The steps that were left out because this scene does not need them, or because they do not fit.
     pub left_out: &'a [String],
@@ -101,7 +101,7 @@ pub struct OfScene<'a, T> {
 
 /// How results stand against the conservation checks.
 #[derive(Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct AuditRecord<'a> {
     /// True if no check fails.
     pub passed: bool,

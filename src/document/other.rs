@@ -8,7 +8,7 @@ use crate::report::{SCHEMA_VERSION, StageTimes, memory_peak_byte};
 
 /// The document of `scene`.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SceneDocument {
     /// The version of these documents; another one has other keys or meanings.
     pub schema_version: u32,
@@ -34,7 +34,7 @@ pub struct SceneDocument {
 
 /// The document of `verify`.
 #[derive(Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct VerifyDocument {
     /// The version of these documents; another one has other keys or meanings.
     pub schema_version: u32,
@@ -45,7 +45,7 @@ pub struct VerifyDocument {
     /// The image that was verified.
     pub image: String,
     /// Wall time of each stage, s, by `NAME_s`.
-    #[cfg_attr(feature = "cli", schemars(with = "std::collections::BTreeMap<String, f64>"))]
+    #[cfg_attr(test, schemars(with = "std::collections::BTreeMap<String, f64>"))]
     pub stages: StageTimes,
     /// The most memory that the process has held, in bytes; null where the system does not tell.
     pub memory_peak_bytes: Option<u64>,
@@ -72,7 +72,7 @@ impl VerifyDocument {
 
 /// The document of a command that ends without a result.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct FailureDocument {
     /// The version of these documents; another one has other keys or meanings.
     pub schema_version: u32,
@@ -82,7 +82,7 @@ pub struct FailureDocument {
 
 /// Why a command ended without a result.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct FailureRecord {
     /// A stable name of the kind, in snake case.
     pub kind: &'static str,

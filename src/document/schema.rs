@@ -1,4 +1,6 @@
-//! The JSON Schema of all documents.
+//! The JSON Schema of all documents, which `docs/schema.json` has to be.
+
+use std::path::Path;
 
 use schemars::generate::{SchemaGenerator, SchemaSettings};
 use schemars::{JsonSchema, Schema};
@@ -23,8 +25,7 @@ use crate::workflow::{HeatStep, LightStep};
 ///
 /// A document is valid if it is valid against one of the schemas at `oneOf`. Each of these is a definition named after its command; the name of a second kind of a command adds the flag that produces
 /// it.
-#[must_use]
-pub fn schema() -> Value {
+fn schema() -> Value {
     let mut all = Documents::new();
     all.add::<SceneDocument>("scene", "scene");
     all.add::<OfModel<FormFactorsDocument<'_>>>("form-factors", "form-factors");
@@ -98,4 +99,21 @@ impl Documents {
         all.insert("$defs".into(), Value::Object(definitions));
         all.into()
     }
+}
+
+#[test]
+fn the_committed_schema_is_the_generated_one() {
+    let committed: Value = serde_json::from_str(include_str!("../../docs/schema.json")).expect("JSON");
+    assert!(
+        committed == schema(),
+        "docs/schema.json is not what the code generates; write it: cargo test --release --lib -- --ignored write_schema"
+    );
+}
+
+/// Writes `docs/schema.json`, after a document has changed.
+#[test]
+#[ignore = "it writes a file of the repository"]
+fn write_schema() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/schema.json");
+    std::fs::write(file, format!("{:#}\n", schema())).expect("a file of the repository");
 }

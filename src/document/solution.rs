@@ -8,7 +8,7 @@ use crate::workflow::{MeshError, Model, Quality, TotalError};
 
 /// How a solution was reached.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SolverRecord {
     /// Steps of methods that shoot from one patch after the other; null of others.
     pub n_steps: Option<u64>,
@@ -19,7 +19,7 @@ pub struct SolverRecord {
     /// The solver: the one that was asked for, or that `auto` chose; `none` where nothing reflects.
     pub solver: String,
     /// Why `auto` chose it.
-    #[cfg_attr(feature = "cli", schemars(with = "Option<String>"))]
+    #[cfg_attr(test, schemars(with = "Option<String>"))]
     pub why: Option<ChoiceReason>,
     /// Passes over the form factors.
     pub n_passes: usize,
@@ -56,7 +56,7 @@ impl SolverRecord {
 
 /// The result of `solve`.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SolveDocument {
     /// How the solution was reached.
     #[serde(flatten)]
@@ -73,7 +73,7 @@ pub struct SolveDocument {
 
 /// The result of `solve` with lightings.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct LightingsDocument {
     /// How the solution was reached.
     #[serde(flatten)]
@@ -86,7 +86,7 @@ pub struct LightingsDocument {
 
 /// The light of one lighting.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct LightingRecord {
     /// The name of the lighting: that of its file, without directory and ending.
     pub name: String,

@@ -8,7 +8,7 @@ use crate::workflow::{FormFactorStudy, Model, PathStudy};
 
 /// The result of `solve` or `heat` with a path of the sun.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PathDocument<S> {
     /// How many patches there are.
     pub n_patches: usize,
@@ -30,7 +30,7 @@ pub struct PathDocument<S> {
 
 /// A time of a path of the sun.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct StepRecord<S> {
     /// The line of the table, from 1.
     pub line: usize,

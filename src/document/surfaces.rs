@@ -9,7 +9,7 @@ use crate::workflow::{Model, SurfaceRecord};
 
 /// A surface and the form factor from it.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct FieldSurface {
     /// The surface.
     #[serde(flatten)]
@@ -30,7 +30,7 @@ impl FieldSurface {
 
 /// A surface as its voxels have it.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct VoxelSurface {
     /// Its name.
     pub name: String,
@@ -39,7 +39,7 @@ pub struct VoxelSurface {
     /// How many surfels it has: one in each of its voxels.
     pub n_voxels: u64,
     /// The area mean of the radiosity, W·m⁻², of each channel.
-    #[cfg_attr(feature = "cli", schemars(with = "Vec<Option<f64>>"))]
+    #[cfg_attr(test, schemars(with = "Vec<Option<f64>>"))]
     pub radiosity: Vec<f64>,
 }
 

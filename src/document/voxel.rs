@@ -10,7 +10,7 @@ use crate::workflow::{VoxelLight, VoxelRequest, VoxelResult, VoxelStudy};
 
 /// The result of `voxel`.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct VoxelDocument {
     /// Voxels that are surface.
     pub n_voxels: usize,
@@ -64,7 +64,7 @@ pub struct VoxelDocument {
 
 /// A gap narrower than two voxels.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct GapRecord {
     /// The surfaces on both sides.
     pub surfaces: [String; 2],
@@ -74,7 +74,7 @@ pub struct GapRecord {
 
 /// A wall thinner than two voxels.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct WallRecord {
     /// The surfaces of both sides.
     pub surfaces: [String; 2],
@@ -86,7 +86,7 @@ pub struct WallRecord {
 
 /// How light was found on voxels.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(untagged)]
 pub enum VoxelLightRecord {
     /// By propagations between cells.
@@ -116,17 +116,17 @@ pub enum VoxelLightRecord {
         /// The solver: the one that was asked for, or that `auto` chose.
         solver: String,
         /// Why `auto` chose it.
-        #[cfg_attr(feature = "cli", schemars(with = "Option<String>"))]
+        #[cfg_attr(test, schemars(with = "Option<String>"))]
         why: Option<ChoiceReason>,
         /// Why it stopped.
         stop_reason: StopReason,
         /// Passes over the links.
         n_passes: usize,
         /// sqrt(Σ A r² / Σ A E²), the worst channel.
-        #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
+        #[cfg_attr(test, schemars(with = "Option<f64>"))]
         residual_l2: f64,
         /// max |r_i A_i|, W.
-        #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
+        #[cfg_attr(test, schemars(with = "Option<f64>"))]
         residual_max_power: f64,
         /// A bound on the relative error that the solver leaves in B, in the area-weighted L2 norm; null where none is proved.
         error_bound: Option<f64>,

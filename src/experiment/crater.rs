@@ -46,7 +46,7 @@ const LEFT_OVER: f64 = 0.5;
 
 /// The shadow at one level and height of the sun.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct CraterRun {
     /// The level of the tessellation.
     pub level: u32,
@@ -75,7 +75,7 @@ impl CraterRun {
 
 /// The shadow at all levels and heights, and what must hold.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct CraterResults {
     /// The runs, level by level.
     pub runs: Vec<CraterRun>,

@@ -34,7 +34,7 @@ pub struct Findings<D> {
 
 /// A figure of ours that must lie in a range.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "RangeCheck"))]
+#[cfg_attr(test, derive(schemars::JsonSchema), schemars(rename = "RangeCheck"))]
 pub struct Check {
     /// Its name.
     pub name: String,
@@ -73,7 +73,7 @@ impl Check {
 
 /// The part of a reproduction's document that is its own, with the names of its files.
 #[derive(Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Reproduced<D> {
     /// The findings.
     #[serde(flatten)]
@@ -84,7 +84,7 @@ pub struct Reproduced<D> {
 
 /// Numbers beside those of a paper, with what they were measured on.
 #[derive(Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PaperDocument<'a, R, T> {
     /// The machine that the times were measured on.
     pub machine: Machine,
@@ -98,7 +98,7 @@ pub struct PaperDocument<'a, R, T> {
 
 /// The file `results.json` of a reproduction: no times, so that equal work gives equal bytes.
 #[derive(Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub(crate) struct ResultsFile<'a, R> {
     /// The version of the JSON documents.
     pub(crate) schema_version: u32,

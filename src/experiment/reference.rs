@@ -2,7 +2,6 @@
 
 use std::num::NonZeroUsize;
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::ExperimentError;
@@ -11,10 +10,11 @@ use crate::form_factor::{ClosedForm, ExactMethod, FormFactorError, FormFactorMet
 use crate::matrix::{DiskError, FormFactors, StorageChoice};
 use crate::mesh::Mesh;
 use crate::progress::Progress;
+use crate::threads;
 
 /// Where a reference comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum ReferenceKind {
     /// The closed form for rectangles with parallel edges, pair by pair.
@@ -29,7 +29,7 @@ pub enum ReferenceKind {
 
 /// The elements between which a reference is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum ReferenceLevel {
     /// Every pair of patches.
@@ -184,7 +184,7 @@ impl Reference {
                     row_errors(&rows[0], &rows[1])
                 };
                 let rows = || [vec![0.0; n], vec![0.0; n]];
-                let errors = (0..n).into_par_iter().map_init(rows, of_row).collect();
+                let errors = threads::collect_with(n, rows, of_row);
                 reference.if_readable(errors)?
             }
             ReferenceValues::Surfaces(values) => {

@@ -9,7 +9,7 @@ pub const Z_999: f64 = 3.290_526_731_491_9;
 
 /// How some measured values are distributed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Spread {
     /// The middle value, or the mean of the two in the middle.
     pub median: f64,

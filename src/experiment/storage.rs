@@ -10,7 +10,7 @@ use crate::progress::Progress;
 
 /// The size of a matrix of form factors, without standard errors.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct StorageFigures {
     /// N, the number of patches.
     pub n_patches: usize,

@@ -3,7 +3,6 @@
 mod candidates;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::Input;
 use super::exact::Split;
@@ -15,6 +14,7 @@ use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
 use crate::mesh::PatchId;
 use crate::progress::Silent;
+use crate::threads;
 use crate::visibility::occluders::{OccluderId, OccluderIndex, PairVisibility};
 use candidates::{Candidates, Seeing};
 pub(super) use candidates::{Outline, Sheets, places_of_patches};
@@ -64,20 +64,13 @@ pub(super) fn back_factors(input: Input<'_>, wanted: &[bool], n_rays: Option<usi
             index: OccluderIndex::new(input.scene),
             n_patches: open.len(),
         };
-        let pairs_of = open.par_iter().with_max_len(1);
-        pairs_of
-            .map(|&(patch, view)| pairs.factor(patch, candidates.parts(view)?))
-            .collect()
+        threads::collect_from(&open, |&(patch, view)| pairs.factor(patch, candidates.parts(view)?))
     };
     let n_left = computed.iter().filter(|fraction| fraction.is_none()).count();
     let n_rays = n_rays.unwrap_or(RAYS / n_left.max(1)).clamp(MIN_RAYS, MAX_RAYS);
-    let fractions: Vec<Fraction> = open
-        .par_iter()
-        .zip(&computed)
-        .map_init(Probe::buffers, |buffers, (&(patch, _), computed)| {
-            computed.unwrap_or_else(|| counted(&Probe::shoot(input, patch, n_rays, buffers)))
-        })
-        .collect();
+    let fractions: Vec<Fraction> = threads::collect_with(open.len(), Probe::buffers, |buffers, k| {
+        computed[k].unwrap_or_else(|| counted(&Probe::shoot(input, open[k].0, n_rays, buffers)))
+    });
     for ((patch, _), fraction) in open.into_iter().zip(fractions) {
         found[patch] = fraction;
     }

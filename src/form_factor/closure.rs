@@ -1,7 +1,6 @@
 //! Whether light leaves a scene, and which rows of form factors sum to 1.
 
 use glam::DVec3;
-use rayon::prelude::*;
 use thiserror::Error;
 
 use super::Input;
@@ -12,6 +11,7 @@ use crate::matrix::RowTally;
 use crate::mesh::PatchId;
 use crate::printable::printable;
 use crate::scene::topology::{Backs, Pieces, Place};
+use crate::threads;
 
 /// How to decide whether a scene is closed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -149,10 +149,8 @@ fn share(probe: &Probe) -> f64 {
 fn probed(input: Input<'_>) -> Result<Vec<Probe>, Leak> {
     let n = input.mesh.n_patches();
     let n_rays = (RAYS / n.max(1)).clamp(MIN_RAYS, MAX_RAYS);
-    let probes: Vec<Probe> = (0..n)
-        .into_par_iter()
-        .map_init(Probe::buffers, |buffers, i| Probe::shoot(input, i, n_rays, buffers))
-        .collect();
+    let probes: Vec<Probe> =
+        threads::collect_with(n, Probe::buffers, |buffers, i| Probe::shoot(input, i, n_rays, buffers));
     let outlines: Vec<Outline> = input
         .scene
         .face_ids()
@@ -199,5 +197,5 @@ fn rows_among(input: Input<'_>, pieces: &Pieces) -> Vec<bool> {
     let of_patches = places_of_patches(input, pieces);
     let backs = Backs::of(&of_patches);
     let is_closed = |place: &Place| place.front.is_enclosed() && backs.are_hidden_from(&place.front);
-    of_patches.par_iter().map(is_closed).collect()
+    threads::collect_from(&of_patches, is_closed)
 }

@@ -4,10 +4,10 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::geometry::polygon_form_factor::PreparedPolygon;
 use crate::mesh::{Mesh, PatchId};
+use crate::threads;
 
 /// Returns the patches as polygons for [`exchange_area`](crate::geometry::polygon_form_factor::exchange_area).
 pub(super) fn prepared(mesh: &Mesh) -> Vec<PreparedPolygon> {
@@ -31,12 +31,8 @@ pub(super) struct Facing {
 
 impl Facing {
     pub(super) fn new(mesh: &Mesh) -> Self {
-        let all = (0..mesh.n_patches()).into_par_iter();
-        let corners: Vec<Vec<DVec3>> = all.map(|i| mesh.polygon(PatchId::from_index(i))).collect();
-        let sizes = corners
-            .par_iter()
-            .map(|c| c.iter().map(|v| v.distance(c[0])).fold(0.0, f64::max))
-            .collect();
+        let corners: Vec<Vec<DVec3>> = threads::collect(mesh.n_patches(), |i| mesh.polygon(PatchId::from_index(i)));
+        let sizes = threads::collect_from(&corners, |c| c.iter().map(|v| v.distance(c[0])).fold(0.0, f64::max));
         Self {
             corners: corners.into(),
             normals: mesh.patches.iter().map(|p| p.normal).collect(),

@@ -7,11 +7,10 @@
 
 use std::time::{Duration, Instant};
 
-use rayon::prelude::*;
-
 use super::{ExactMethod, FormFactorMethod, Input, MethodSettings, RandomShooting, SEQUENCE, TOLERANCE, settings};
 use crate::geometry::sampling::Sequence;
 use crate::progress::{Forecast, Progress};
+use crate::threads;
 
 /// The rays for each patch that shooting is forecast for.
 pub(super) const RAYS: u64 = 4096;
@@ -27,7 +26,7 @@ pub(super) fn sampled<T: Send>(n: usize, n_samples: usize, most: Duration, work:
         if begun.elapsed() > most {
             break;
         }
-        results.par_extend(turn.par_iter().map(|&k| work(k)));
+        results.append(&mut threads::collect_from(turn, |&k| work(k)));
     }
     results
 }

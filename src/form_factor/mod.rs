@@ -126,7 +126,7 @@ pub struct Computed {
 
 /// How many unordered pairs of patches went which way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(default)]
 pub struct PairCounts {
     /// Pairs whose fronts do not face each other: exactly 0.

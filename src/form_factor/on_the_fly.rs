@@ -2,11 +2,10 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::{FormFactorMethod, Input};
 use crate::matrix::RowTile;
 use crate::matrix::operator::{Block, LinearOperator, RowAccess};
+use crate::threads;
 
 /// The rows `range` of the form factors, computed anew.
 pub(super) type Rows<'a> = Box<dyn Fn(Range<usize>) -> RowTile + Sync + 'a>;
@@ -41,8 +40,7 @@ impl OnTheFly<'_> {
     /// Sets `y` to the products of some rows, from the one `first` on, with x.
     fn apply_from(&self, first: usize, x: &Block, y: &mut [f64]) {
         let n_channels = x.n_channels();
-        let tasks = y.par_chunks_mut(ROWS_PER_TILE * n_channels).enumerate();
-        tasks.for_each(|(k, sums)| {
+        threads::for_each_chunk(true, y, ROWS_PER_TILE * n_channels, |k, sums| {
             let begin = first + k * ROWS_PER_TILE;
             let tile = (self.rows)(begin..begin + sums.len() / n_channels);
             for (row, sum) in sums.chunks_exact_mut(n_channels).enumerate() {

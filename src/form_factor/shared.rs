@@ -2,14 +2,13 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::FormFactorError;
 use super::kept::Piece;
 use crate::in_order::InOrder;
 use crate::matrix::Entry;
 use crate::progress::Progress;
 use crate::ranks::{Code, InTurn, Ranks};
+use crate::threads;
 
 /// The fewest chunks of pieces for each rank, where there are pieces enough.
 const CHUNKS_PER_RANK: usize = 16;
@@ -48,7 +47,10 @@ pub(super) fn pieces<'a>(
     let window = window(ranks, item_byte.saturating_mul(n_together as u64), waiting_byte);
     let work = std::sync::Arc::new(work);
     let again = std::sync::Arc::clone(&work);
-    let of_chunk = move |k: usize| -> Vec<PieceResult> { chunk(k).into_par_iter().map(&*work).collect() };
+    let of_chunk = move |k: usize| {
+        let (work, chunk) = (&*work, chunk(k));
+        threads::collect(chunk.len(), |i| work(chunk.start + i))
+    };
     let code = Code {
         encode: |results: &Vec<PieceResult>| encode(results),
         decode: move |k: usize, bytes: &[u8]| decode(bytes, chunk(k), &*again),

@@ -1,12 +1,11 @@
 //! The fractions of each patch's light that escape, and that back faces absorb.
 
-use rayon::prelude::*;
-
 use super::backs::back_factors;
 use super::fraction::Fraction;
 use super::{Enclosed, Input, Reciprocity};
 use crate::matrix::{FormFactors, RowTally};
 use crate::mesh::Mesh;
+use crate::threads;
 
 /// The fractions of the light of patches, or of surfaces, that front faces receive, that escapes, and that back faces absorb.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -105,7 +104,7 @@ pub fn sky_factors(
         };
         ((sky, back), received)
     };
-    let ((sky, back), received) = (0..n).into_par_iter().map(of_row).unzip();
+    let ((sky, back), received) = threads::collect(n, of_row).into_iter().unzip();
     SkyFactors { sky, back, received }
 }
 

@@ -9,7 +9,8 @@ use serde::{Deserialize, Serialize};
 
 /// Where the numbers of a Monte Carlo method come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema, clap::ValueEnum))]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Sequence {
     /// Owen-scrambled Sobol points, a scramble of its own for every stream.

@@ -3,7 +3,6 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::band::Band;
 use super::boundary::{Boundary, Sun};
@@ -16,6 +15,7 @@ use crate::geometry::point_form_factor::point_form_factor;
 use crate::geometry::polygon::solid_angle;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
+use crate::threads;
 
 /// The fraction of the view outside of backs up to which it counts as rounding: a point that sees only backs is inside a solid.
 const ALL: f64 = 1e-9;
@@ -111,8 +111,9 @@ impl PointScene<'_> {
 
     /// Returns the views from all points.
     pub(crate) fn look(&self, views: &(PointViews, Solids), queries: &[PointQuery]) -> Vec<PointView> {
-        let look = |scratch: &mut Scratch, query| self.look_from(views, query, scratch);
-        queries.par_iter().map_init(Scratch::default, look).collect()
+        threads::collect_with(queries.len(), Scratch::default, |scratch, k| {
+            self.look_from(views, &queries[k], scratch)
+        })
     }
 
     fn look_from(

@@ -13,7 +13,7 @@ use crate::scene::Scene;
 
 /// The heat of one surface. Errors are those of form factors, solver and mesh together; `null` where nothing is known.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SurfaceHeat {
     /// The surface.
     pub name: String,
@@ -67,7 +67,7 @@ pub struct SurfaceHeat {
 
 /// The heat of the whole scene, both bands together, W. Errors as of [`SurfaceHeat`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct HeatBalance {
     /// The power supplied to all surfaces.
     pub supplied_w: f64,

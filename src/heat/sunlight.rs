@@ -4,7 +4,6 @@ use std::f64::consts::TAU;
 use std::num::NonZeroUsize;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::boundary::{Sky, Sun};
 use crate::form_factor::partial::{Lit, lit_part};
@@ -14,6 +13,7 @@ use crate::geometry::polygon;
 use crate::geometry::sampling::{Frame, PointStream, Sequence, UniformOnPolygon, cosine_direction};
 use crate::matrix::operator::Block;
 use crate::mesh::PatchId;
+use crate::threads;
 use crate::visibility::occluders::{OccluderIndex, PairVisibility};
 use crate::visibility::{Coherence, HitBatch, RayBatch};
 
@@ -238,7 +238,7 @@ impl Lamp<'_> {
             ]
         };
         let n = self.input.mesh.n_patches();
-        let found: Vec<[f64; 4]> = (0..n).into_par_iter().map(of_patch).collect();
+        let found: Vec<[f64; 4]> = threads::collect(n, of_patch);
         let column = |k: usize| found.iter().map(|row| row[k]).collect();
         Sunlight {
             fraction: column(0),
@@ -347,9 +347,7 @@ pub fn above_horizon(input: Input<'_>, sky: &Sky, escaped: &[Fraction], sees_not
             variance: share * share * all.variance + all.value * all.value * variance,
         }
     };
-    let rows = (0..n).into_par_iter();
-    rows.map_init(|| (RayBatch::default(), HitBatch::default()), of_patch)
-        .collect()
+    threads::collect_with(n, || (RayBatch::default(), HitBatch::default()), of_patch)
 }
 
 /// Returns the number of rays from a patch that escape above the horizon, and of all that escape.

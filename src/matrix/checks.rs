@@ -7,7 +7,7 @@ use super::transpose::RowBlock;
 
 /// Least and greatest of some values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct MinMax {
     /// The least.
     pub min: f64,
@@ -18,7 +18,7 @@ pub struct MinMax {
 /// Checks of closure and reciprocity. Values that are not finite are refused before, by
 /// [`FormFactors::from_tiles`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Checks {
     /// Least and greatest Σ_j F_ij.
     pub row_sum: MinMax,

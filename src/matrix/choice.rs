@@ -18,7 +18,7 @@ const DENSE_FROM: f64 = 0.5;
 ///
 /// A tile is a range of rows, or 64 by 64 places of a symmetric matrix, of which only the upper triangle is stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Layout {
     /// Dense for tiles that are at least half non-zero, else sparse.
@@ -45,7 +45,7 @@ impl Layout {
 
 /// How many digits of each form factor are kept. Sums are f64 in either case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Precision {
     /// 24 bits: each form factor is rounded by at most 6e-8 of itself, radiosities by at most 6e-8 / (1 − ρ). Roundings mostly cancel: the radiosities of a closed

@@ -2,10 +2,9 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::form_factors::FormFactors;
 use super::tile::laplace;
+use crate::threads;
 
 /// Surfaces whose rows are computed at the same time.
 const AT_ONCE: usize = 256;
@@ -152,20 +151,19 @@ impl SurfaceRows<'_> {
         let mut rows: Vec<(SurfaceRow, Vec<f64>)> = surfaces.iter().map(nothing).collect();
         for part in all.chunks((NUMBERS_AT_ONCE / n_numbers).max(1)) {
             let own: Vec<usize> = part.iter().copied().filter(|i| of_rank.contains(i)).collect();
-            let own: Vec<Vec<f64>> = own.par_iter().map(|&i| self.sums_of_patch(i)).collect();
+            let own = threads::collect_from(&own, |&i| self.sums_of_patch(i));
             // Ranks have rows in order, and so the patches come in order.
             let sums = self.factors.gathered(own.concat());
             let sums: Vec<&[f64]> = sums.chunks_exact(n_numbers).collect();
             let (first, last) = (part[0], part[part.len() - 1]);
-            rows.par_iter_mut()
-                .zip(surfaces)
-                .for_each(|((row, variance), patches)| {
-                    let begin = patches.partition_point(|i| *i < first);
-                    for &i in patches[begin..].iter().take_while(|i| **i <= last) {
-                        let numbers = sums[part.partition_point(|other| *other < i)];
-                        self.add(row, variance, i, numbers);
-                    }
-                });
+            threads::for_each_chunk(true, &mut rows, 1, |surface, of_one| {
+                let ((row, variance), patches) = (&mut of_one[0], &surfaces[surface]);
+                let begin = patches.partition_point(|i| *i < first);
+                for &i in patches[begin..].iter().take_while(|i| **i <= last) {
+                    let numbers = sums[part.partition_point(|other| *other < i)];
+                    self.add(row, variance, i, numbers);
+                }
+            });
         }
         let finish = |(mut row, variance): (SurfaceRow, Vec<f64>)| {
             row.error

@@ -5,13 +5,12 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use rayon::prelude::*;
-
 use super::backend::{Backend, share_of};
 use super::form_factors::FormFactors;
 use super::kernel::sizes::{SIDE, block_rows};
 use super::tile::{Entry, RowTally, RowTile, index};
 use crate::ranks::Ranks;
+use crate::threads;
 
 /// Returns the blocks of rows that are rank `rank`'s of `n_ranks`, of an n by n matrix.
 pub(in crate::matrix) fn blocks_of(n: usize, rank: usize, n_ranks: usize) -> Range<usize> {
@@ -168,7 +167,8 @@ impl FormFactors {
         &self,
         of_row: impl Fn(usize) -> [f64; N] + Sync + Send,
     ) -> Vec<[f64; N]> {
-        let own: Vec<[f64; N]> = self.own_rows().into_par_iter().map(of_row).collect();
+        let rows = self.own_rows();
+        let own: Vec<[f64; N]> = threads::collect(rows.len(), |k| of_row(rows.start + k));
         self.gathered(own.into_flattened()).as_chunks().0.to_vec()
     }
 
@@ -209,7 +209,7 @@ impl FormFactors {
         let Some(together) = &self.together else {
             return own.to_vec();
         };
-        let own: Vec<Vec<u8>> = own.par_iter().map(encode).collect();
+        let own = threads::collect_from(own, encode);
         let with_lengths = own
             .iter()
             .map(|bytes| [&(bytes.len() as u64).to_le_bytes(), &bytes[..]].concat());
@@ -224,7 +224,7 @@ impl FormFactors {
                 rest = others;
             }
         }
-        tiles.into_par_iter().filter_map(decode).collect()
+        threads::collect_flat(tiles.len(), |k| decode(tiles[k]))
     }
 
     /// Gathers all rows on every rank, which stores them as long as the matrix. Collective.

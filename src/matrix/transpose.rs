@@ -3,8 +3,6 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::form_factors::FormFactors;
 use super::kernel::sizes::SIDE;
 use super::tile::{Entry, RowTally, RowTile, index};
@@ -48,7 +46,7 @@ impl FormFactors {
             });
         }
         let mut all = Vec::new();
-        let act = |blocks: &[RowBlock<'_>]| all.par_extend(blocks.par_iter().map(&work));
+        let act = |blocks: &[RowBlock<'_>]| all.append(&mut threads::collect_from(blocks, &work));
         self.for_each_round(self.rows_together(), act);
         all
     }
@@ -101,20 +99,17 @@ impl FormFactors {
                 }
                 encode(&tile)
             };
-            let columns: Vec<Vec<u8>> = asked.par_iter().map(|(_, block)| columns_of(block)).collect();
+            let columns: Vec<Vec<u8>> = threads::collect_from(asked, |(_, block)| columns_of(block));
             let lengths = columns.iter().flat_map(|bytes| (bytes.len() as u64).to_le_bytes());
             let came = ranks.all_gather(&lengths.chain(columns.iter().flatten().copied()).collect::<Vec<u8>>());
-            let own = asked
-                .par_iter()
-                .enumerate()
-                .filter(|(_, (rank, _))| *rank == ranks.rank());
-            let with_columns: Vec<RowBlock<'_>> = own
-                .map(|(k, (_, rows))| RowBlock {
+            let with_columns: Vec<RowBlock<'_>> = threads::collect_flat(asked.len(), |k| {
+                let (rank, rows) = &asked[k];
+                (*rank == ranks.rank()).then(|| RowBlock {
                     factors: self,
                     rows: (*rows).clone(),
                     columns: Some(joined(&came, k, asked.len(), rows.len())),
                 })
-                .collect();
+            });
             act(&with_columns);
         }
     }

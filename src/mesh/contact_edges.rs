@@ -14,6 +14,7 @@ use crate::disjoint_sets::DisjointSets;
 use crate::geometry::box_pairs::{BoxTree, collected_pairs, overlap};
 use crate::geometry::polygon;
 use crate::scene::{FaceId, Positions, Scene};
+use crate::threads;
 
 /// The part of the smaller face's size within which a face that ends near another stands on it; a cut that is not needed does no harm.
 const NEAR: f64 = 1e-6;
@@ -74,11 +75,11 @@ impl<'a> ContactEdges<'a> {
         self.pieces.get_or_init(|| {
             let found = self.found();
             let scene = self.scene;
-            let cut = found.faces().filter_map(|(face, here)| {
+            let cut = found.of_faces(|face, here| {
                 let outline = scene.positions(&scene.faces[face as usize]);
                 Some((FaceId(face), Pieces::cut(&outline, here.edges)?))
             });
-            cut.collect::<Vec<_>>().into_iter().collect()
+            cut.into_iter().collect()
         })
     }
 
@@ -129,19 +130,17 @@ impl Found {
 
     /// Returns the contact edges of all pairs of faces, with the face on which each lies: those of touching, then those of hanging faces.
     fn pairs(scene: &Scene) -> [Vec<(u32, ContactEdge)>; 2] {
-        let outlines: Vec<Positions> = scene.faces.par_iter().map(|face| scene.positions(face)).collect();
-        let normals: Vec<DVec3> = outlines
-            .par_iter()
-            .map(|outline| polygon::area_vector(outline).normalize_or_zero())
-            .collect();
+        let outlines: Vec<Positions> = threads::collect_from(&scene.faces, |face| scene.positions(face));
+        let normals: Vec<DVec3> =
+            threads::collect_from(&outlines, |outline| polygon::area_vector(outline).normalize_or_zero());
         let reaches = reaches(scene, &outlines);
         let found = |is_hanging: bool| {
-            let boxes = outlines.par_iter().zip(&reaches).map(|(outline, reach)| {
-                let (least, greatest) = bounding_box(outline);
+            let boxes = threads::collect(outlines.len(), |face| {
+                let ((least, greatest), reach) = (bounding_box(&outlines[face]), &reaches[face]);
                 let around = if is_hanging { reach.hanging } else { reach.touching };
                 (least - around, greatest + around)
             });
-            collected_pairs(boxes.collect(), |a, b, edges: &mut Vec<(u32, ContactEdge)>| {
+            collected_pairs(boxes, |a, b, edges: &mut Vec<(u32, ContactEdge)>| {
                 let reach = reaches[a as usize].min(reaches[b as usize]);
                 for (ground, wall) in [(a, b), (b, a)] {
                     let [ground_corners, wall_corners] = [ground, wall].map(|face| &outlines[face as usize]);
@@ -172,12 +171,15 @@ impl Found {
         })
     }
 
-    /// Returns the faces with contact edges.
-    fn faces(&self) -> impl ParallelIterator<Item = (u32, OnFace<'_>)> {
-        let n = u32::try_from(self.first.len().saturating_sub(1)).unwrap_or(0);
-        (0..n)
-            .into_par_iter()
-            .filter_map(|face| Some((face, self.on_face(face)?)))
+    /// Returns the results of `work` for the faces with contact edges, in order.
+    fn of_faces<R: Send, I: IntoIterator<Item = R>>(&self, work: impl Fn(u32, OnFace<'_>) -> I + Sync) -> Vec<R> {
+        let n = self.first.len().saturating_sub(1);
+        let of_face = |face: usize| {
+            let face = u32::try_from(face).expect("faces are counted in 32 bits");
+            let found = self.on_face(face).map(|here| work(face, here));
+            found.into_iter().flatten()
+        };
+        threads::collect_flat(n, of_face)
     }
 
     /// Stores the edges with the faces on which they lie. Hanging ones come last: pieces depend on the order.
@@ -200,7 +202,7 @@ impl Found {
             let k = k as usize;
             touching.get(k).unwrap_or_else(|| &hanging[k - touching.len()]).1
         };
-        let edges: Vec<ContactEdge> = order.par_iter().map(edge).collect();
+        let edges: Vec<ContactEdge> = threads::collect_from(&order, edge);
         let mut boxes = HashMap::new();
         for (face, range) in (0..).zip(first.windows(2)) {
             let here = &edges[range[0] as usize..range[1] as usize];
@@ -258,7 +260,7 @@ impl Reach {
 fn reaches(scene: &Scene, outlines: &[Positions]) -> Vec<Reach> {
     let (slack, of_places) = (scene.slack(), PLACES * scene.last_place());
     let largest = |outline: &Positions| outline.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
-    let rounding = ROUNDING * outlines.par_iter().map(largest).reduce(|| 0.0, f64::max);
+    let rounding = ROUNDING * outlines.iter().map(largest).fold(0.0, f64::max);
     let sizes_in_plane = sizes_in_plane(scene, outlines);
     let of_face = |(outline, size_in_plane): (&Positions, f64)| {
         let size = size_of(bounding_box(outline));
@@ -313,7 +315,7 @@ fn parted(joints: &[(FaceEdge, FaceEdge)], scene: &Scene, found: &Found) -> Hash
         .iter()
         .flat_map(|&(one, other)| [(one, other.0), (other, one.0)])
         .collect();
-    let of_face = |(face, here): (u32, OnFace<'_>)| {
+    let found = found.of_faces(|face, here| {
         let outline = scene.positions(&scene.faces[face as usize]);
         let mut parted = Vec::new();
         for edge in here.edges {
@@ -329,8 +331,8 @@ fn parted(joints: &[(FaceEdge, FaceEdge)], scene: &Scene, found: &Found) -> Hash
             }
         }
         parted
-    };
-    found.faces().flat_map_iter(of_face).collect()
+    });
+    found.into_iter().collect()
 }
 
 /// Returns whether parts of a line cover it from 0 to its length, up to the tolerance of faces that were meant to touch.

@@ -13,6 +13,7 @@ use super::seams::{SLACK, Seams};
 use crate::disjoint_sets::DisjointSets;
 use crate::geometry::box_pairs::collected_pairs;
 use crate::scene::Corners;
+use crate::threads;
 
 /// The greatest difference of unit normals of parallel planes, as for faces that share an edge.
 const BEND: f64 = 1e-9;
@@ -123,7 +124,7 @@ struct Edge {
 pub(super) fn find_seams(mesh: &Mesh, contact_edges: &ContactEdges<'_>) -> Seams {
     let edges = free_edges(mesh);
     let place = |vertex: u32| mesh.vertices[vertex as usize];
-    let boxes = edges.par_iter().map(|edge| {
+    let boxes = threads::collect_from(&edges, |edge| {
         let (a, b) = (place(edge.from), place(edge.to));
         let slack = DVec3::splat(SLACK * a.distance(b));
         (a.min(b) - slack, a.max(b) + slack)
@@ -131,7 +132,7 @@ pub(super) fn find_seams(mesh: &Mesh, contact_edges: &ContactEdges<'_>) -> Seams
     let mut sets: Option<DisjointSets> = None;
     // For the edge of a patch, by its first vertex: hanging vertices and their distances along it.
     let mut hanging: HashMap<(usize, u32), Vec<(f64, u32)>> = HashMap::new();
-    let in_one_plane = collected_pairs(boxes.collect(), |i, j, found: &mut Vec<[Edge; 2]>| {
+    let in_one_plane = collected_pairs(boxes, |i, j, found: &mut Vec<[Edge; 2]>| {
         let pair = [edges[i as usize], edges[j as usize]];
         let normals = pair.map(|edge| mesh.patches[edge.patch].normal);
         if (normals[0] - normals[1]).length() <= BEND && pair[0].patch != pair[1].patch {

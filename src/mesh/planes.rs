@@ -5,6 +5,7 @@ use rayon::prelude::*;
 
 use crate::geometry::polygon;
 use crate::scene::{FaceId, Scene};
+use crate::threads;
 
 /// One edge of one face: the face and the number of the edge's first corner.
 pub(super) type FaceEdge = (FaceId, usize);
@@ -30,11 +31,9 @@ pub(super) fn flat_joints_by(scene: &Scene, number: impl Fn(u32) -> u32, most: f
         }
     }
     edges.par_sort_unstable();
-    let normals: Vec<DVec3> = scene
-        .faces
-        .par_iter()
-        .map(|face| polygon::area_vector(&scene.positions(face)).normalize_or_zero())
-        .collect();
+    let normals: Vec<DVec3> = threads::collect_from(&scene.faces, |face| {
+        polygon::area_vector(&scene.positions(face)).normalize_or_zero()
+    });
     let mut joints = Vec::new();
     for at_edge in edges.chunk_by(|a, b| a.0 == b.0) {
         let is_point = at_edge[0].0[0] == at_edge[0].0[1];

@@ -2,7 +2,6 @@
 
 use std::fmt;
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::whole;
@@ -11,6 +10,7 @@ use crate::mesh::Mesh;
 use crate::parameter::{Named, Parameter, plainly};
 use crate::setting::ticked;
 use crate::solver::registry::SOLVERS;
+use crate::threads;
 
 /// The input of the plan, before form factors are computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -418,7 +418,7 @@ pub fn facing_share(mesh: &Mesh) -> f64 {
     let samples: Vec<usize> = (0..n).step_by(n.div_ceil(SAMPLES).max(1)).collect();
     let n_seen = samples.len() * n;
     let of_sample = |i: usize| (0..n).filter(|&j| in_front(i, j) && in_front(j, i)).count();
-    let n_facing: usize = samples.into_par_iter().map(of_sample).sum();
+    let n_facing: usize = threads::collect_from(&samples, |&i| of_sample(i)).into_iter().sum();
     // A sample has an error; a bound that is a tenth too high does little harm.
     (1.1 * n_facing as f64 / n_seen.max(1) as f64).min(1.0)
 }

@@ -128,7 +128,7 @@ pub struct Field {
 /// factor from the surface. There samples lie on a regular grid, as for the midpoint rule: with h its spacing on the surface, the mean is off by O(h²) where F is smooth and the surface's edges run along
 /// the grid, and by (F at the edge − its mean) · perimeter · h / (2 area) at most where they do not, mostly by much less.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SurfaceMean {
     /// The number of pixels whose centre shows the surface.
     pub n_pixels: u64,

@@ -414,7 +414,7 @@ impl<'a> Gatherer<'a> {
 
 /// The cost of final gather, and the noise that is left.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct GatherReport {
     /// Rays in all.
     pub n_rays: u64,

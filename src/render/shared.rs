@@ -1,7 +1,5 @@
 //! Work on the blocks of an image, in order: computed here, or shared by ranks.
 
-use rayon::prelude::*;
-
 use super::error::RenderError;
 use super::gather::Gathered;
 use super::kept::BlockState;
@@ -10,6 +8,7 @@ use super::rare::RareLight;
 use super::renderer::SurfaceSums;
 use crate::progress::Progress;
 use crate::ranks::{Code, InTurn};
+use crate::threads;
 
 /// The least number of chunks of blocks for each rank, if there are enough blocks.
 const CHUNKS_PER_RANK: usize = 16;
@@ -37,7 +36,7 @@ pub(super) fn for_each<T: Send>(
     if ranks.size() == 1 {
         for begin in (0..n).step_by(at_once) {
             let end = n.min(begin + at_once);
-            let results: Vec<Option<T>> = (begin..end).into_par_iter().map(&work).collect();
+            let results = threads::collect(end - begin, |k| work(begin + k));
             for (k, result) in (begin..end).zip(results) {
                 take(k, result.ok_or(RenderError::Interrupted)?);
             }
@@ -47,7 +46,7 @@ pub(super) fn for_each<T: Send>(
     let n_together = (n / (CHUNKS_PER_RANK * ranks.size())).clamp(1, MAX_BLOCKS);
     let chunk = |c: usize| c * n_together..n.min((c + 1) * n_together);
     let window = (at_once / n_together).max(2 * ranks.size());
-    let of_chunk = |c: usize| -> Vec<Option<T>> { chunk(c).into_par_iter().map(&work).collect() };
+    let of_chunk = |c: usize| -> Vec<Option<T>> { threads::collect(chunk(c).len(), |k| work(chunk(c).start + k)) };
     let of_chunks = Code {
         encode: |results: &Vec<Option<T>>| encode(results, &code.encode),
         decode: |c: usize, bytes: &[u8]| {

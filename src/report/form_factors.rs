@@ -24,7 +24,6 @@ use std::io::{self, BufWriter, Write};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
 use serde_json::{Map, Value};
 
 use super::file::{Hashed, by_ending};
@@ -38,6 +37,7 @@ use crate::matrix::operator::Block;
 use crate::matrix::{FormFactors, Precision, RowTally};
 use crate::mesh::Mesh;
 use crate::scene::{Scene, SurfaceId};
+use crate::threads;
 use crate::whole_file;
 
 pub use super::read::FormFactorFile;
@@ -218,8 +218,7 @@ impl FormFactorReport<'_> {
             sums
         };
         let columns = |name: &str, counts: &(dyn Fn(usize) -> bool + Sync)| {
-            let rows = (0..n).into_par_iter().map(|i| sum_to(i, counts));
-            let (sums, errors) = rows.unzip();
+            let (sums, errors) = threads::collect(n, |i| sum_to(i, counts)).into_iter().unzip();
             [
                 CellData::new(name, 1, sums),
                 CellData::new(format!("{name}_error"), 1, errors),

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 /// The facts about a machine that a measured time depends on.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Machine {
     /// The processor's name, or `None` where the system does not tell.
     pub cpu_model: Option<String>,

@@ -1,9 +1,9 @@
 //! Chooses a view of a scene without a camera.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::{Camera, FaceId, Scene};
+use crate::threads;
 
 /// The vertical angle of view, in degrees.
 const VERTICAL_FOV: f64 = 60.0;
@@ -105,14 +105,14 @@ impl Target {
 }
 
 fn n_fronts(targets: &[Target], camera: &Camera) -> usize {
-    (0..GRID * GRID)
-        .into_par_iter()
-        .filter(|k| {
-            let (x, y) = (f64::from(k % GRID) + 0.5, f64::from(k / GRID) + 0.5);
-            let (origin, direction) = camera.primary_ray(x, y, GRID, GRID);
+    let in_row = |y: usize| {
+        let is_front = |x: &u32| {
+            let (origin, direction) = camera.primary_ray(f64::from(*x) + 0.5, y as f64 + 0.5, GRID, GRID);
             meets_front(targets, origin, direction)
-        })
-        .count()
+        };
+        (0..GRID).filter(is_front).count()
+    };
+    threads::collect(GRID as usize, in_row).into_iter().sum()
 }
 
 /// Returns whether the first face along a ray is met from the front; of the two sides of a sheet, the front counts.

@@ -43,7 +43,7 @@ impl RigidMotion {
 /// translate = [0.5, 0.0, 0.0] # in m, after the rotation
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Motion {
     /// The surfaces that move as one.
@@ -83,7 +83,7 @@ impl Motion {
 
 /// One name or more.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(untagged, expecting = "expected the name of a surface, or a list of names")]
 pub enum Names {
     /// A single one.

@@ -4,13 +4,13 @@ use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::split::PLANARITY;
 use super::{Face, FaceId, Scene, Written};
 use crate::geometry::box_pairs::{collected_pairs, overlapping_pairs};
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
+use crate::threads;
 
 /// The width of a strip that two faces may share by the rounding of six digits, in units of the greatest |coordinate|.
 ///
@@ -120,15 +120,14 @@ impl<'a> Search<'a> {
         let (scene_low, scene_high) = scene.bounding_box();
         let size = scene_low.distance(scene_high);
         let slack = scene.slack();
-        let faces = scene.faces.par_iter();
-        let measured: Vec<Measures> = faces.map(|face| Measures::of(scene, face, size)).collect();
-        let boxes = scene.faces.par_iter().zip(&measured).map(|(face, measures)| {
-            let (low, high) = scene.positions(face).bounding_box();
+        let measured: Vec<Measures> = threads::collect_from(&scene.faces, |face| Measures::of(scene, face, size));
+        let boxes = threads::collect(measured.len(), |face| {
+            let measures = &measured[face];
+            let (low, high) = scene.positions(&scene.faces[face]).bounding_box();
             let of_digits = (0.5 * slack).max(measures.half_unit.length());
             let margin = PLANARITY * measures.diameter + ULPS * measures.greatest + of_digits;
             (low - margin, high + margin)
         });
-        let boxes = boxes.collect();
         let search = Self { scene, slack, measured };
         (search, boxes)
     }

@@ -1,10 +1,10 @@
 //! The possible rounding of the corners of a scene.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::{Corners, Face, MaterialId, Scene, SurfaceId, Written};
 use crate::geometry::polygon;
+use crate::threads;
 
 /// The number of digits from which coordinates count as rounded: 0.25 is a quarter, 0.333333 a rounded third.
 const MIN_DIGITS: i32 = 6;
@@ -22,10 +22,13 @@ impl Scene {
     /// with at most five digits or with whole numbers alone, for scenes along the axes, and for scenes made in memory.
     /// Rotated scenes in files with six decimals have 2e-6. Thinner gaps are indistinguishable from contact.
     pub(crate) fn slack(&self) -> f64 {
-        let quads = self.faces.par_iter().filter(|face| face.corners.as_slice().len() > 3);
-        let bent = quads
-            .map(|face| polygon::planarity_error(&self.positions(face)))
-            .reduce(|| 0.0, f64::max);
+        let quads: Vec<&Face> = self
+            .faces
+            .iter()
+            .filter(|face| face.corners.as_slice().len() > 3)
+            .collect();
+        let bends = threads::collect_from(&quads, |face| polygon::planarity_error(&self.positions(face)));
+        let bent = bends.into_iter().fold(0.0, f64::max);
         (HEIGHT * self.rounding()).max(2.0 * bent)
     }
 

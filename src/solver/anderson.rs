@@ -71,14 +71,14 @@ impl Solver for Anderson {
 
     fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let scaled = Scaled::new(system);
-        let state = State {
+        let mut state = State {
             scaled: &scaled,
             depth: self.depth.get(),
             radiosity: options.start.radiosity(&scaled),
             residual: scaled.zeros(),
             steps: VecDeque::new(),
         };
-        iteration::run(&scaled, options, monitor, state)
+        iteration::run(&scaled, options, monitor, &mut state)
     }
 }
 
@@ -136,7 +136,9 @@ impl State<'_> {
 }
 
 impl Iteration for State<'_> {
-    const NEEDS_RESIDUAL: bool = true;
+    fn needs_residual(&self) -> bool {
+        true
+    }
 
     fn pass(&mut self, excess: &[f64]) -> Estimate {
         let mut step = self.step();

@@ -70,7 +70,7 @@ impl Solver for ConjugateGradients {
                 *b = *e;
             }
         }
-        let state = State {
+        let mut state = State {
             inverse,
             radiosity,
             residual: scaled.zeros(),
@@ -79,7 +79,7 @@ impl Solver for ConjugateGradients {
             squared: vec![0.0; system.n_channels()],
             scaled: &scaled,
         };
-        iteration::run(&scaled, options, monitor, state)
+        iteration::run(&scaled, options, monitor, &mut state)
     }
 }
 
@@ -148,7 +148,9 @@ impl State<'_> {
 }
 
 impl Iteration for State<'_> {
-    const NEEDS_RESIDUAL: bool = true;
+    fn needs_residual(&self) -> bool {
+        true
+    }
 
     fn pass(&mut self, excess: &[f64]) -> Estimate {
         if self.step(excess) {

@@ -121,7 +121,7 @@ impl Solver for Chebyshev {
         let began = Instant::now();
         let scaled = Scaled::new(system);
         let (intervals, n_passes) = self.intervals(&scaled)?;
-        let state = State {
+        let mut state = State {
             scaled: &scaled,
             radiosity: options.start.radiosity(&scaled),
             residual: scaled.zeros(),
@@ -133,7 +133,7 @@ impl Solver for Chebyshev {
                 time_s: began.elapsed().as_secs_f64(),
             },
         };
-        iteration::run(&scaled, options, monitor, state)
+        iteration::run(&scaled, options, monitor, &mut state)
     }
 }
 
@@ -196,7 +196,9 @@ struct State<'a> {
 }
 
 impl Iteration for State<'_> {
-    const NEEDS_RESIDUAL: bool = true;
+    fn needs_residual(&self) -> bool {
+        true
+    }
 
     fn pass(&mut self, _excess: &[f64]) -> Estimate {
         // (factor of r, factor of the step before) of each channel.

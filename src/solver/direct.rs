@@ -80,7 +80,7 @@ impl Solver for Direct {
             });
         }
         let scaled = Scaled::new(system);
-        let state = State {
+        let mut state = State {
             scaled: &scaled,
             rows,
             groups,
@@ -89,7 +89,7 @@ impl Solver for Direct {
             residual: scaled.zeros(),
             work: 0.0,
         };
-        iteration::run(&scaled, options, monitor, state)
+        iteration::run(&scaled, options, monitor, &mut state)
     }
 }
 
@@ -145,7 +145,9 @@ fn factored(scaled: &Scaled, rows: &dyn RowAccess, channel: usize) -> Lu {
 }
 
 impl Iteration for State<'_> {
-    const NEEDS_RESIDUAL: bool = true;
+    fn needs_residual(&self) -> bool {
+        true
+    }
 
     fn pass(&mut self, excess: &[f64]) -> Estimate {
         let n = self.scaled.areas.len();

@@ -10,21 +10,21 @@ use crate::matrix::operator::Block;
 /// With r = E − B + ρ H, Σ A r = emitted − absorbed − absorbed_by_backs − escaped holds exactly where A_i F_ij is symmetric, so that
 /// its size is at most sqrt(Σ A) sqrt(Σ A r²); else the rest is the light that form factors without reciprocity make or lose.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Energy {
     /// Σ A E, W.
-    #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
+    #[cfg_attr(test, schemars(with = "Option<f64>"))]
     pub emitted: f64,
     /// Σ A (1 − ρ) H, W.
-    #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
+    #[cfg_attr(test, schemars(with = "Option<f64>"))]
     pub absorbed: f64,
     /// Σ A B (1 − Σ_j F_ij) without `absorbed_by_backs`, W: what leaves through openings, or is lost or made by row sums that are wrong. With what backs take where that is not known.
-    #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
+    #[cfg_attr(test, schemars(with = "Option<f64>"))]
     pub escaped: f64,
     /// Σ A B b, W, with b_i the fraction of the light of patch i that black backs take; `None` where it is not known.
     pub absorbed_by_backs: Option<f64>,
     /// Σ A B, W: the power that leaves all patches.
-    #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
+    #[cfg_attr(test, schemars(with = "Option<f64>"))]
     pub leaving: f64,
 }
 

@@ -45,13 +45,13 @@ impl Solver for GaussSeidel {
             return Err(SolverError::NeedsRows { solver: self.name() });
         };
         let scaled = Scaled::new(system);
-        let sweeps = Sweeps {
+        let mut sweeps = Sweeps {
             scaled: &scaled,
             rows,
             radiosity: options.start.radiosity(&scaled),
             before: scaled.zeros(),
         };
-        iteration::run(&scaled, options, monitor, sweeps)
+        iteration::run(&scaled, options, monitor, &mut sweeps)
     }
 }
 
@@ -64,8 +64,13 @@ struct Sweeps<'a> {
 }
 
 impl Iteration for Sweeps<'_> {
-    const NEEDS_RESIDUAL: bool = false;
-    const DRIFTS: bool = false;
+    fn needs_residual(&self) -> bool {
+        false
+    }
+
+    fn drifts(&self) -> bool {
+        false
+    }
 
     fn pass(&mut self, _excess: &[f64]) -> Estimate {
         sweep(self.scaled, self.rows, &mut self.radiosity, &mut self.before);

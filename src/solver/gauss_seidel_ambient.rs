@@ -52,7 +52,7 @@ impl Solver for GaussSeidelAmbient {
             return Err(SolverError::NeedsRows { solver: self.name() });
         };
         let scaled = Scaled::new(system);
-        let state = State {
+        let mut state = State {
             scaled: &scaled,
             rows,
             radiosity: options.start.radiosity(&scaled),
@@ -61,7 +61,7 @@ impl Solver for GaussSeidelAmbient {
             ambient: None,
             work: 0.0,
         };
-        iteration::run(&scaled, options, monitor, state)
+        iteration::run(&scaled, options, monitor, &mut state)
     }
 }
 
@@ -154,7 +154,9 @@ impl AmbientCorrection {
 }
 
 impl Iteration for State<'_> {
-    const NEEDS_RESIDUAL: bool = false;
+    fn needs_residual(&self) -> bool {
+        false
+    }
 
     fn pass(&mut self, _excess: &[f64]) -> Estimate {
         self.work = if self.ambient.is_some() { 1.0 } else { 2.0 };

@@ -103,7 +103,7 @@ impl Solver for Gmres {
 
     fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let scaled = Scaled::new(system);
-        let state = State {
+        let mut state = State {
             scaled: &scaled,
             restart: self.restart.get(),
             deflate: self.deflation,
@@ -115,7 +115,7 @@ impl Solver for Gmres {
             residual: scaled.zeros(),
             image: scaled.zeros(),
         };
-        iteration::run(&scaled, options, monitor, state)
+        iteration::run(&scaled, options, monitor, &mut state)
     }
 }
 
@@ -263,8 +263,13 @@ fn scaled_zeros(like: &Block) -> Block {
 }
 
 impl Iteration for State<'_> {
-    const NEEDS_RESIDUAL: bool = true;
-    const NEVER_RISES: bool = true;
+    fn needs_residual(&self) -> bool {
+        true
+    }
+
+    fn never_rises(&self) -> bool {
+        true
+    }
 
     fn first_residual(&mut self, scaled: &Scaled) -> TrueResidual {
         let (truth, sent) = first_pass(scaled, &self.base, self.deflate);

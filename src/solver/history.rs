@@ -11,7 +11,7 @@ use crate::matrix::operator::Block;
 
 /// The state after one pass, the worst channel of each norm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct HistoryEntry {
     /// The number of passes done; 0 is the start.
     pub pass: usize,
@@ -20,16 +20,16 @@ pub struct HistoryEntry {
     /// The work so far, in passes over F, setup included; checks of the true residual are not counted.
     pub work: f64,
     /// sqrt(Σ A r² / Σ A E²).
-    #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
+    #[cfg_attr(test, schemars(with = "Option<f64>"))]
     pub residual_l2: f64,
     /// max |r_i A_i|, W.
-    #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
+    #[cfg_attr(test, schemars(with = "Option<f64>"))]
     pub residual_max_power: f64,
     /// max |r_i|, W·m⁻².
-    #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
+    #[cfg_attr(test, schemars(with = "Option<f64>"))]
     pub residual_max: f64,
     /// sqrt(Σ r²), W·m⁻²: Baranoski, Bramley and Shirley 1995, equation (26). It depends on how finely the scene is cut.
-    #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
+    #[cfg_attr(test, schemars(with = "Option<f64>"))]
     pub residual_euclidean: f64,
     /// True where the solver's own running estimate stands in for the residual: each solver documents its estimate.
     /// False where the residual was calculated from the radiosities themselves.
@@ -43,13 +43,13 @@ pub struct HistoryEntry {
 ///
 /// Source: Baranoski, Bramley and Shirley 1995, equations (27) and (28). Departures: none.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Errors {
     /// sqrt(Σ A (B* − B)² / Σ A), W·m⁻².
-    #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
+    #[cfg_attr(test, schemars(with = "Option<f64>"))]
     pub error_rms: f64,
     /// sqrt(Σ (B* − B)² / Σ (B* − E)²): the share of the reflected light that is wrong (Goertler); 0 where nothing is reflected and nothing is wrong.
-    #[cfg_attr(feature = "cli", schemars(with = "Option<f64>"))]
+    #[cfg_attr(test, schemars(with = "Option<f64>"))]
     pub error_goertler: f64,
 }
 
@@ -126,7 +126,7 @@ impl<'a> Recorder<'a> {
         work: f64,
         norms: &Norms,
         estimated: bool,
-        radiosity: impl FnOnce() -> Block,
+        radiosity: &dyn Fn() -> Block,
     ) -> bool {
         let now_s = self.start.elapsed().as_secs_f64();
         self.work += work;

@@ -52,14 +52,18 @@ pub(super) enum Estimate {
 
 /// A method that improves radiosities pass by pass. Blocks are in solver units (see [`Scaled`]).
 pub(super) trait Iteration {
-    /// Whether [`restart`](Self::restart) has to be called before the first pass.
-    const NEEDS_RESIDUAL: bool;
+    /// Returns whether [`restart`](Self::restart) has to be called before the first pass.
+    fn needs_residual(&self) -> bool;
 
-    /// True if no channel's residual, by `Tolerance::ResidualL2`, ever rises from pass to pass: the last radiosities are then the best.
-    const NEVER_RISES: bool = false;
+    /// Returns whether no channel's residual, by `Tolerance::ResidualL2`, ever rises from pass to pass: the last radiosities are then the best.
+    fn never_rises(&self) -> bool {
+        false
+    }
 
-    /// False if estimates come from F in each pass anew, as those of sweeps do: patience alone then detects stagnation.
-    const DRIFTS: bool = true;
+    /// Returns false if estimates come from F in each pass anew, as those of sweeps do: patience alone then detects stagnation.
+    fn drifts(&self) -> bool {
+        true
+    }
 
     /// Returns the residual of the radiosities before the first pass, with one pass over F.
     ///
@@ -115,11 +119,11 @@ pub(super) trait Iteration {
 /// does not get far closer: B ≥ 0 with (I − diag(ρ) F) B = E ≥ 0 shows that the system is one of light (an M-matrix).
 /// Where rounding decides whether the tolerance is met, the residual is calculated with twice the digits. Where the tolerance is not met, the best radiosities of each channel are returned, not the last.
 #[expect(clippy::too_many_lines, reason = "one loop, whose branches all end or continue it")]
-pub(super) fn run<I: Iteration>(
+pub(super) fn run(
     scaled: &Scaled,
     options: &SolveOptions,
     monitor: Monitor<'_>,
-    mut iteration: I,
+    iteration: &mut dyn Iteration,
 ) -> Result<Solution, SolverError> {
     let tolerance = options.tolerance.validated()?;
     let mut recorder = Recorder::new(scaled, options.reference, iteration.setup(), monitor);
@@ -137,14 +141,14 @@ pub(super) fn run<I: Iteration>(
     let mut rejected_before = f64::INFINITY;
     let mut mended = None;
     let mut done = (0..n_channels).all(|c| scaled.is_dark(c));
-    if I::NEEDS_RESIDUAL && !done {
+    if iteration.needs_residual() && !done {
         let first = iteration.first_residual(scaled);
         let first = scaled.sharpened(tolerance, &iteration.radiosity(), first);
         n_checks += 1;
         excess = tolerance.excess(&first.norms);
         checks.before = worst(&excess);
         done = checks.before <= 1.0;
-        if !recorder.note(0, 0.0, &first.norms, false, || iteration.radiosity()) {
+        if !recorder.note(0, 0.0, &first.norms, false, &|| iteration.radiosity()) {
             (gave_up, done) = (StopReason::Interrupted, true);
         }
         if !done && let Some(reason) = watch.observe(&excess, None) {
@@ -176,7 +180,7 @@ pub(super) fn run<I: Iteration>(
                 break;
             }
         };
-        let mut goes_on = recorder.note(n_passes, iteration.work(), &norms, truth.is_none(), || {
+        let mut goes_on = recorder.note(n_passes, iteration.work(), &norms, truth.is_none(), &|| {
             iteration.radiosity()
         });
         let mut stagnated = false;
@@ -205,13 +209,13 @@ pub(super) fn run<I: Iteration>(
             let has_fallen = checked < checks.before;
             if claims {
                 // A method that goes by the unshot power checks radiosities one reflection beyond that power: the check may lag for long.
-                stagnated = checks.observe(checked, estimated, I::DRIFTS) && iteration.under_way().is_none();
+                stagnated = checks.observe(checked, estimated, iteration.drifts()) && iteration.under_way().is_none();
             }
-            goes_on = recorder.note(n_passes, 0.0, &norms, false, || iteration.radiosity()) && goes_on;
+            goes_on = recorder.note(n_passes, 0.0, &norms, false, &|| iteration.radiosity()) && goes_on;
             if claims && checked > 1.0 && !stagnated {
                 // The radiosities may change with it: their true residual is calculated anew at the end.
                 iteration.restart(&exact, &tolerance.excess(&norms));
-                if !I::DRIFTS && has_fallen {
+                if !iteration.drifts() && has_fallen {
                     // Estimates are scaled from here on: the earlier ones are no measure of them.
                     watch = Watch::new(options.patience);
                 }
@@ -223,14 +227,14 @@ pub(super) fn run<I: Iteration>(
         for over in &mut excess {
             *over *= factor;
         }
-        if !(I::NEVER_RISES && scaled.is_one_room() && matches!(tolerance, Tolerance::ResidualL2(_))) {
+        if !(iteration.never_rises() && scaled.is_one_room() && matches!(tolerance, Tolerance::ResidualL2(_))) {
             best.observe(&excess, || iteration.radiosity());
         }
         if worst(&excess) <= 1.0 {
             match mend(scaled, tolerance, iteration.radiosity(), &mut n_checks) {
                 Mended::NotNeeded => break,
                 Mended::Done(radiosity, exact) => {
-                    recorder.note(n_passes, 0.0, &exact.norms, false, || radiosity.clone());
+                    recorder.note(n_passes, 0.0, &exact.norms, false, &|| radiosity.clone());
                     truth = Some(*exact);
                     mended = Some(radiosity);
                     break;
@@ -275,7 +279,7 @@ pub(super) fn run<I: Iteration>(
     };
     let truth = scaled.sharpened(tolerance, &radiosity, truth);
     if recorder.lacks(&truth.norms) {
-        recorder.note(n_passes, 0.0, &truth.norms, false, || radiosity.clone());
+        recorder.note(n_passes, 0.0, &truth.norms, false, &|| radiosity.clone());
     }
     let counts = (n_passes, n_checks);
     let display = iteration.display().map(|block| scaled.to_si(block));

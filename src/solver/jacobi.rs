@@ -37,12 +37,12 @@ impl Solver for Jacobi {
 
     fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
         let scaled = Scaled::new(system);
-        let state = State {
+        let mut state = State {
             scaled: &scaled,
             radiosity: options.start.radiosity(&scaled),
             residual: scaled.zeros(),
         };
-        iteration::run(&scaled, options, monitor, state)
+        iteration::run(&scaled, options, monitor, &mut state)
     }
 }
 
@@ -54,7 +54,9 @@ struct State<'a> {
 }
 
 impl Iteration for State<'_> {
-    const NEEDS_RESIDUAL: bool = true;
+    fn needs_residual(&self) -> bool {
+        true
+    }
 
     fn pass(&mut self, _excess: &[f64]) -> Estimate {
         for (b, r) in self.radiosity.values_mut().iter_mut().zip(self.residual.values()) {

@@ -77,7 +77,7 @@ impl Solver for Overshooting {
             &scaled,
             &options,
             monitor,
-            State {
+            &mut State {
                 light,
                 totals,
                 n_steps: 0,
@@ -176,7 +176,9 @@ impl State<'_> {
 }
 
 impl Iteration for State<'_> {
-    const NEEDS_RESIDUAL: bool = false;
+    fn needs_residual(&self) -> bool {
+        false
+    }
 
     fn pass(&mut self, _excess: &[f64]) -> Estimate {
         self.light.n_steps = 0;

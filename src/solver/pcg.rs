@@ -78,8 +78,8 @@ impl Solver for Pcg {
             || scaled.areas.clone(),
             |areas| areas.iter().map(|a| a / system.area_unit()).collect(),
         );
-        let state = State::new(&scaled, weights, options.start.irradiance(&scaled), self.deflation);
-        iteration::run(&scaled, options, monitor, state)
+        let mut state = State::new(&scaled, weights, options.start.irradiance(&scaled), self.deflation);
+        iteration::run(&scaled, options, monitor, &mut state)
     }
 }
 
@@ -193,7 +193,9 @@ impl<'a> State<'a> {
 }
 
 impl Iteration for State<'_> {
-    const NEEDS_RESIDUAL: bool = true;
+    fn needs_residual(&self) -> bool {
+        true
+    }
 
     fn first_residual(&mut self, scaled: &Scaled) -> TrueResidual {
         let (truth, sent) = first_pass(scaled, &self.radiosity(), self.deflate);

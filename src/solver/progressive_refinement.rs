@@ -97,7 +97,7 @@ impl Solver for ProgressiveRefinement {
             powers.set(i, light.power(i));
         }
         let options = light.options(options);
-        iteration::run(&scaled, &options, monitor, Shooting { light, powers })
+        iteration::run(&scaled, &options, monitor, &mut Shooting { light, powers })
     }
 }
 
@@ -251,7 +251,9 @@ struct Shooting<'a> {
 }
 
 impl Iteration for Shooting<'_> {
-    const NEEDS_RESIDUAL: bool = false;
+    fn needs_residual(&self) -> bool {
+        false
+    }
 
     fn pass(&mut self, _excess: &[f64]) -> Estimate {
         self.light.n_steps = 0;

@@ -92,7 +92,7 @@ impl Solver for Sor {
             patience: options.patience.max(least_patience(&omega)),
             ..*options
         };
-        let sweeps = Sweeps {
+        let mut sweeps = Sweeps {
             scaled: &scaled,
             rows,
             rooms: &rooms,
@@ -100,7 +100,7 @@ impl Solver for Sor {
             radiosity: options.start.radiosity(&scaled),
             before: scaled.zeros(),
         };
-        iteration::run(&scaled, &options, monitor, sweeps)
+        iteration::run(&scaled, &options, monitor, &mut sweeps)
     }
 }
 
@@ -141,8 +141,13 @@ struct Sweeps<'a> {
 }
 
 impl Iteration for Sweeps<'_> {
-    const NEEDS_RESIDUAL: bool = false;
-    const DRIFTS: bool = false;
+    fn needs_residual(&self) -> bool {
+        false
+    }
+
+    fn drifts(&self) -> bool {
+        false
+    }
 
     fn pass(&mut self, _excess: &[f64]) -> Estimate {
         let relax = |i: usize, c: usize, old: f64, gathered: f64| {

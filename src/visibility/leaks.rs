@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::{Coherence, HitBatch, RayBatch, Visibility};
 use crate::geometry::polygon;
 use crate::geometry::sampling::{Frame, PointStream, Sequence, UniformOnPolygon, cosine_direction};
 use crate::matrix::operator::Block;
 use crate::mesh::{CrossedPatch, Mesh, Patch, PatchId};
+use crate::threads;
 
 /// The part of the emitted power above which a leak is too great.
 pub const MAX_RELATIVE_LEAK: f64 = 1e-3;
@@ -77,11 +77,8 @@ impl LightLeaks {
     #[must_use]
     pub fn find(mesh: &Mesh, crossed: &[CrossedPatch], visibility: &dyn Visibility) -> Self {
         let n_rays = (RAYS / crossed.len().max(1)).clamp(MIN_RAYS, MAX_RAYS);
-        let pieces = crossed
-            .par_iter()
-            .map(|patch| of_patch(mesh, patch, visibility, n_rays));
         Self {
-            pieces: pieces.collect::<Vec<_>>().into_iter().flatten().collect(),
+            pieces: threads::collect_flat(crossed.len(), |k| of_patch(mesh, &crossed[k], visibility, n_rays)),
             n_patches: crossed.len(),
             areas: mesh.areas(),
         }

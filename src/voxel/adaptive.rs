@@ -1,7 +1,6 @@
 //! Coarse and fine voxels together: cells that are cut where the light changes.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::cell_operator::{CellLinks, CellOperator};
 use super::cells::{Cells, place};
@@ -12,6 +11,7 @@ use super::weights::RowWeights;
 use crate::matrix::operator::Block;
 use crate::progress::Progress;
 use crate::scene::Scene;
+use crate::threads;
 
 /// The cosine of normals of neighbouring surfels below which they meet at an edge, about 45°.
 const ALIKE: f64 = 0.7;
@@ -202,7 +202,7 @@ fn at_edges(voxels: &VoxelScene, scene: &Scene, cells: &Cells) -> Vec<bool> {
             found
         })
     };
-    (0..cells.n_cells()).into_par_iter().map(is_marked).collect()
+    threads::collect(cells.n_cells(), is_marked)
 }
 
 /// Returns for each cell the cells that touch it on the same surface, ascending.
@@ -224,7 +224,7 @@ fn neighbours(voxels: &VoxelScene, scene: &Scene, cells: &Cells) -> Vec<Vec<u32>
         found.dedup();
         found
     };
-    (0..cells.n_cells()).into_par_iter().map(of_cell).collect()
+    threads::collect(cells.n_cells(), of_cell)
 }
 
 /// Interpolates values of cells at all surfels.
@@ -233,8 +233,9 @@ fn neighbours(voxels: &VoxelScene, scene: &Scene, cells: &Cells) -> Vec<Vec<u32>
 /// A constant stays that constant. Cells of one voxel keep their own value.
 fn onto_surfels(voxels: &VoxelScene, cells: &Cells, neighbours: &[Vec<u32>], values: &Block) -> Block {
     let n_channels = values.n_channels();
-    let of_surfel = |s: u32| {
-        let own = cells.cell_of(s as usize);
+    let of_surfel = |surfel: usize| {
+        let s = u32::try_from(surfel).expect("surfels are counted in 32 bits");
+        let own = cells.cell_of(surfel);
         let mut sums = vec![0.0; n_channels];
         if cells.level(own) == 0 {
             sums.copy_from_slice(values.row(own));
@@ -265,7 +266,6 @@ fn onto_surfels(voxels: &VoxelScene, cells: &Cells, neighbours: &[Vec<u32>], val
         }
         sums
     };
-    let n = u32::try_from(voxels.n_surfels()).expect("surfels are counted in 32 bits");
-    let rows = (0..n).into_par_iter().flat_map_iter(of_surfel).collect();
+    let rows = threads::collect_flat(voxels.n_surfels(), of_surfel);
     Block::from_values(rows, n_channels)
 }

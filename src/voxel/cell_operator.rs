@@ -1,7 +1,5 @@
 //! The discrete equation with cells as unknowns.
 
-use rayon::prelude::*;
-
 use super::cells::Cells;
 use super::discretize::VoxelScene;
 use super::line::Direction;
@@ -11,6 +9,7 @@ use super::sphere::DiscreteSphere;
 use super::weights::{RowWeights, Weights};
 use crate::matrix::operator::{Block, LinearOperator, RowAccess};
 use crate::progress::Progress;
+use crate::threads;
 
 /// Rows that are one unit of work.
 const ROWS: usize = 64;
@@ -40,15 +39,11 @@ impl CellLinks {
             .filter(|&surfel| self.rows[surfel].is_empty())
             .collect();
         progress.begin("links", missing.len() as u64);
-        let found: Vec<(Box<[u8]>, Tally)> = missing
-            .par_iter()
-            .map(|&surfel| {
-                let rows = Row::of(voxels, &self.directions, surfel..surfel + 1);
-                progress.advance(1);
-                rows.into_iter().map(|row| (row.bytes.into_boxed_slice(), row.tally))
-            })
-            .flatten_iter()
-            .collect();
+        let found: Vec<(Box<[u8]>, Tally)> = threads::collect_flat(missing.len(), |k| {
+            let rows = Row::of(voxels, &self.directions, missing[k]..missing[k] + 1);
+            progress.advance(1);
+            rows.into_iter().map(|row| (row.bytes.into_boxed_slice(), row.tally))
+        });
         for (surfel, (bytes, tally)) in missing.into_iter().zip(found) {
             self.rows[surfel] = bytes;
             self.tally = self.tally.plus(tally);
@@ -103,7 +98,7 @@ impl<'a> CellOperator<'a> {
             add_leak(self.voxels, &self.weights, surfel, row, area, of_seen, &mut power);
             power
         };
-        let of_cells: Vec<Vec<f64>> = (0..n).into_par_iter().map(of_cell).collect();
+        let of_cells: Vec<Vec<f64>> = threads::collect(n, of_cell);
         summed(&of_cells, n_channels)
     }
 }
@@ -129,16 +124,14 @@ impl LinearOperator for CellOperator<'_> {
 impl Gather for CellOperator<'_> {
     fn gather(&self, first: usize, x: &Block, sums: &mut [f64]) {
         let n_channels = x.n_channels();
-        sums.par_chunks_mut(ROWS * n_channels)
-            .enumerate()
-            .for_each(|(k, rows)| {
-                for (cell, row) in (first + k * ROWS..).zip(rows.chunks_mut(n_channels)) {
-                    let surfel = self.cells.representative(cell);
-                    row.fill(0.0);
-                    let unknown = |seen: usize| self.cells.cell_of(seen);
-                    gather_row(&self.weights, surfel, &self.links.rows[surfel], unknown, x, row);
-                }
-            });
+        threads::for_each_chunk(true, sums, ROWS * n_channels, |k, rows| {
+            for (cell, row) in (first + k * ROWS..).zip(rows.chunks_mut(n_channels)) {
+                let surfel = self.cells.representative(cell);
+                row.fill(0.0);
+                let unknown = |seen: usize| self.cells.cell_of(seen);
+                gather_row(&self.weights, surfel, &self.links.rows[surfel], unknown, x, row);
+            }
+        });
     }
 
     fn areas(&self) -> Vec<f64> {

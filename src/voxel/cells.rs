@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::discretize::VoxelScene;
 use super::grid::{Voxel, to_u32};
 use crate::scene::{MaterialId, Scene, SurfaceId};
+use crate::threads;
 
 /// The greatest level of a cell: 2⁶ voxels wide.
 pub const MAX_CELL_LEVEL: u8 = 6;
@@ -74,7 +75,7 @@ impl Cells {
                 vec![(level, members.to_vec())]
             }
         };
-        let lists = (0..self.n_cells()).into_par_iter().flat_map_iter(parts).collect();
+        let lists = threads::collect_flat(self.n_cells(), parts);
         Self::from_lists(voxels, lists)
     }
 

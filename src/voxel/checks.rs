@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::discretize::VoxelScene;
 use super::grid::Voxel;
 use crate::geometry::polygon;
 use crate::scene::{Scene, SurfaceId};
+use crate::threads;
 
 /// Two surfaces that face each other with less than two voxels between them, where the light is not resolved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -125,16 +125,13 @@ impl VoxelScene {
     pub fn hausdorff_distance(&self, scene: &Scene) -> Option<f64> {
         let to_lattice =
             |polygon: Vec<DVec3>| -> Vec<DVec3> { polygon.iter().map(|&v| self.grid.to_lattice(v)).collect() };
-        let from_voxels = self
-            .surfels
-            .par_iter()
-            .map(|s| {
-                polygon::distance(
-                    DVec3::from_array(s.voxel().map(f64::from)),
-                    &to_lattice(scene.polygon(s.face)),
-                )
-            })
-            .reduce(|| 0.0, f64::max);
+        let from_surfels = threads::collect_from(&self.surfels, |s| {
+            polygon::distance(
+                DVec3::from_array(s.voxel().map(f64::from)),
+                &to_lattice(scene.polygon(s.face)),
+            )
+        });
+        let from_voxels = from_surfels.into_iter().fold(0.0, f64::max);
         let faces: Vec<_> = scene.face_ids().collect();
         let of_face = |face: &crate::scene::FaceId| -> Option<f64> {
             let p = to_lattice(scene.polygon(*face));
@@ -167,7 +164,7 @@ impl VoxelScene {
             }
             Some(worst)
         };
-        let distances: Option<Vec<f64>> = faces.par_iter().map(of_face).collect();
+        let distances: Option<Vec<f64>> = threads::collect_from(&faces, of_face).into_iter().collect();
         distances.map(|all| all.into_iter().fold(from_voxels, f64::max))
     }
 

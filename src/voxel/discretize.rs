@@ -12,6 +12,7 @@ use super::regions::Regions;
 use super::thin::{self, ALL_NODES, Part, Sides, THIN, ThinWall};
 use crate::geometry::polygon;
 use crate::scene::{FaceId, MaterialId, Scene, SurfaceId};
+use crate::threads;
 
 /// The scale of normals as integers, 2³⁰: heights over a lattice of 4096 voxels are then off by less than 6e-6 voxels.
 const NORMAL_SCALE: f64 = 1_073_741_824.0;
@@ -147,16 +148,12 @@ impl VoxelScene {
     pub fn new(scene: &Scene, n: u32) -> Result<Self, VoxelError> {
         let grid = Grid::new(scene, n)?;
         let faces: Vec<FaceId> = scene.face_ids().collect();
-        let all: Vec<Piece> = faces
-            .par_iter()
-            .map(|&face| {
-                let voxels = voxels_of_face(&grid, &scene.polygon(face));
-                let area = scene.area_vector(face).length() / voxels.len() as f64;
-                let piece = move |voxel| Piece { voxel, face, area };
-                voxels.into_iter().map(piece).collect::<Vec<_>>()
-            })
-            .flatten_iter()
-            .collect();
+        let all: Vec<Piece> = threads::collect_flat(faces.len(), |k| {
+            let face = faces[k];
+            let voxels = voxels_of_face(&grid, &scene.polygon(face));
+            let area = scene.area_vector(face).length() / voxels.len() as f64;
+            voxels.into_iter().map(move |voxel| Piece { voxel, face, area })
+        });
         if u32::try_from(all.len()).is_err() {
             return Err(VoxelError::TooMany { n_surfels: all.len() });
         }

@@ -1,11 +1,10 @@
 //! Interpolation of values from voxels to the scene's own surfaces.
 
-use rayon::prelude::*;
-
 use super::discretize::VoxelScene;
 use super::grid::Voxel;
 use crate::matrix::operator::Block;
 use crate::mesh::Mesh;
+use crate::threads;
 
 /// The distance, in voxels, at which a surfel no longer counts; each point of a plane is within half of it of several surfels.
 const REACH: f64 = 2.0;
@@ -55,7 +54,7 @@ pub fn onto_patches(voxels: &VoxelScene, faces: &[crate::scene::Face], mesh: &Me
         }
         mean.into_values()
     };
-    let rows: Vec<f64> = mesh.patches.par_iter().flat_map_iter(of_patch).collect();
+    let rows: Vec<f64> = threads::collect_flat(mesh.n_patches(), |i| of_patch(&mesh.patches[i]));
     Block::from_values(rows, n_channels)
 }
 

@@ -10,7 +10,6 @@ use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::VoxelError;
@@ -19,6 +18,7 @@ use super::line::Direction;
 use super::links::{Chunk, ROWS_PER_CHUNK, Tally, n_in_front};
 use crate::input_file;
 use crate::progress::Progress;
+use crate::threads;
 
 const LAYOUT: &[u8; 24] = b"radiosity voxel links 1\n";
 
@@ -183,17 +183,16 @@ impl Work<'_> {
         let n_together = n_together();
         for batch in (first..self.n_chunks).step_by(n_together) {
             let last = (batch + n_together).min(self.n_chunks);
-            let records: Option<Vec<(Vec<u8>, Tally)>> = (batch..last)
-                .into_par_iter()
-                .map(|k| {
-                    if progress.is_cancelled() {
-                        return None;
-                    }
-                    let chunk = Chunk::new(self.scene, self.directions, k);
-                    progress.advance(1);
-                    Some((encode(&chunk), chunk.tally))
-                })
-                .collect();
+            let records: Option<Vec<(Vec<u8>, Tally)>> = threads::collect(last - batch, |k| {
+                if progress.is_cancelled() {
+                    return None;
+                }
+                let chunk = Chunk::new(self.scene, self.directions, batch + k);
+                progress.advance(1);
+                Some((encode(&chunk), chunk.tally))
+            })
+            .into_iter()
+            .collect();
             let Some(records) = records else {
                 return Ok(None);
             };
@@ -231,8 +230,7 @@ impl Work<'_> {
                 records.push(record);
             }
             let first = offsets.len() - 1;
-            let check = |(k, record): (usize, &Vec<u8>)| self.tally_of(record, first + k);
-            let tallies: Vec<Option<Tally>> = records.par_iter().enumerate().map(check).collect();
+            let tallies = threads::collect(records.len(), |k| self.tally_of(&records[k], first + k));
             for (record, of_chunk) in records.iter().zip(&tallies) {
                 let Some(of_chunk) = of_chunk else {
                     return Ok((offsets, tally));

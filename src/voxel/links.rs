@@ -7,8 +7,6 @@
 use std::ops::Range;
 use std::path::Path;
 
-use rayon::prelude::*;
-
 use super::VoxelError;
 use super::discretize::{Normal, VoxelScene};
 use super::line::Direction;
@@ -17,6 +15,7 @@ use super::sight::Sight;
 use super::sights::Watch;
 use super::sphere::DiscreteSphere;
 use crate::progress::Progress;
+use crate::threads;
 
 /// Surfels whose links are one unit of work and of storage.
 pub(super) const ROWS_PER_CHUNK: usize = 256;
@@ -74,18 +73,15 @@ impl Links {
         let directions = prepared(sphere);
         let n_chunks = scene.n_surfels().div_ceil(ROWS_PER_CHUNK);
         progress.begin("links", n_chunks as u64);
-        let chunks: Vec<Chunk> = (0..n_chunks)
-            .into_par_iter()
-            .map(|k| {
-                let chunk = if progress.is_cancelled() {
-                    Chunk::without_links(scene, k)
-                } else {
-                    Chunk::new(scene, &directions, k)
-                };
-                progress.advance(1);
-                chunk
-            })
-            .collect();
+        let chunks: Vec<Chunk> = threads::collect(n_chunks, |k| {
+            let chunk = if progress.is_cancelled() {
+                Chunk::without_links(scene, k)
+            } else {
+                Chunk::new(scene, &directions, k)
+            };
+            progress.advance(1);
+            chunk
+        });
         let tally = chunks.iter().fold(Tally::default(), |sum, chunk| sum.plus(chunk.tally));
         Self {
             storage: Storage::Memory(chunks),
@@ -193,7 +189,7 @@ impl Links {
 /// Counts, for each normal of a scene, the directions in front of it: the links of a surfel.
 pub(super) fn n_in_front(scene: &VoxelScene, vectors: &(impl Iterator<Item = [i32; 3]> + Clone + Sync)) -> Vec<u64> {
     let of_normal = |normal: &Normal| vectors.clone().filter(|&v| is_in_front(normal, v)).count() as u64;
-    scene.normals.par_iter().map(of_normal).collect()
+    threads::collect_from(&scene.normals, of_normal)
 }
 
 /// Prepares all directions of a sphere for walks.

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::grid::{Voxel, to_u32};
+use crate::threads;
 
 /// The side of a brick, in voxels: two levels of the octree in one 64-bit mask.
 const BRICK: i32 = 4;
@@ -51,15 +52,12 @@ impl Octree {
     #[track_caller]
     pub(super) fn build(n_voxels: [i32; 3], voxels: &[Voxel]) -> Built {
         let n_bricks = n_voxels.map(|n| usize::try_from((n + BRICK - 1) / BRICK).expect("a lattice has voxels"));
-        let mut keyed: Vec<(u64, usize)> = voxels
-            .par_iter()
-            .enumerate()
-            .map(|(k, &voxel)| {
-                let inside = (0..3).all(|a| (0..n_voxels[a]).contains(&voxel[a]));
-                assert!(inside, "voxel {voxel:?} lies outside the lattice of {n_voxels:?}");
-                (key(voxel), k)
-            })
-            .collect();
+        let mut keyed: Vec<(u64, usize)> = threads::collect(voxels.len(), |k| {
+            let voxel = voxels[k];
+            let inside = (0..3).all(|a| (0..n_voxels[a]).contains(&voxel[a]));
+            assert!(inside, "voxel {voxel:?} lies outside the lattice of {n_voxels:?}");
+            (key(voxel), k)
+        });
         keyed.par_sort_unstable();
         let mut octree = Self {
             n_bricks,

@@ -1,12 +1,14 @@
 //! The form factors of the links, as an operator for all solvers.
 
-use rayon::prelude::*;
-
 use super::discretize::VoxelScene;
 use super::links::{Links, ROWS_PER_CHUNK, for_each_seen};
 use super::sphere::DiscreteSphere;
 use super::weights::{RowWeights, Weights};
 use crate::matrix::operator::{Block, LinearOperator, RowAccess};
+use crate::threads;
+
+/// The number of rows of a chunk that a thread takes at a time.
+const ROWS_AT_ONCE: usize = 8;
 
 /// An operator whose rows can be computed range by range, for propagation in place.
 pub trait Gather: LinearOperator {
@@ -81,7 +83,7 @@ impl<'a> LinkOperator<'a> {
             }
             power
         };
-        let of_chunks: Vec<Vec<f64>> = (0..n_chunks).into_par_iter().map(of_chunk).collect();
+        let of_chunks: Vec<Vec<f64>> = threads::collect(n_chunks, of_chunk);
         summed(&of_chunks, n_channels)
     }
 
@@ -197,19 +199,17 @@ impl Gather for LinkOperator<'_> {
             rest = more;
             start = stop;
         }
-        pieces.into_par_iter().for_each(|(row_0, rows)| {
+        threads::for_each(true, pieces, |(row_0, rows): (usize, &mut [f64])| {
             let chunk = row_0 / ROWS_PER_CHUNK;
             let done = self.links.with_chunk(self.scene, chunk, |chunk| {
                 // A part of a chunk is still work for several threads.
-                rows.par_chunks_mut(n_channels)
-                    .with_min_len(8)
-                    .enumerate()
-                    .for_each(|(k, row)| {
-                        let surfel = row_0 + k;
+                threads::for_each_chunk(true, rows, ROWS_AT_ONCE * n_channels, |k, some| {
+                    for (surfel, row) in (row_0 + k * ROWS_AT_ONCE..).zip(some.chunks_mut(n_channels)) {
                         row.fill(0.0);
                         let links = chunk.row(surfel % ROWS_PER_CHUNK);
                         gather_row(&self.weights, surfel, links, |seen| seen, x, row);
-                    });
+                    }
+                });
             });
             if done.is_none() {
                 rows.fill(f64::NAN);

@@ -3,11 +3,11 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::discretize::VoxelScene;
 use crate::matrix::operator::Block;
 use crate::render::{Image, Samples, Sight as Line, View};
+use crate::threads;
 
 /// The surfel at a pixel's centre, with the side and the depth of the hit.
 struct Hit {
@@ -29,23 +29,18 @@ pub fn picture(voxels: &VoxelScene, radiosity: &Block, view: &dyn View) -> Image
     assert_eq!(radiosity.n_rows(), voxels.n_surfels(), "one row per surfel");
     assert!(matches!(radiosity.n_channels(), 1 | 3), "one channel or three");
     let (width, height) = view.size();
-    let pixels: Vec<Option<Hit>> = (0..height)
-        .into_par_iter()
-        .flat_map_iter(|y| {
-            (0..width).map(move |x| {
-                let line = view.sight(f64::from(x) + 0.5, f64::from(y) + 0.5)?;
-                let Line::Ray {
-                    origin,
-                    direction,
-                    depth_axis,
-                } = line
-                else {
-                    return None;
-                };
-                trace(voxels, origin, direction, depth_axis)
-            })
-        })
-        .collect();
+    let pixels: Vec<Option<Hit>> = threads::collect(width as usize * height as usize, |k| {
+        let [x, y] = [k % width as usize, k / width as usize].map(|place| place as f64 + 0.5);
+        let Line::Ray {
+            origin,
+            direction,
+            depth_axis,
+        } = view.sight(x, y)?
+        else {
+            return None;
+        };
+        trace(voxels, origin, direction, depth_axis)
+    });
     let mut image = Image::new(width as usize, height as usize);
     let mut insert = |name: &str, value: &dyn Fn(&Hit) -> f64| {
         #[expect(clippy::cast_possible_truncation, reason = "image layers are f32 by design")]

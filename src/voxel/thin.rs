@@ -18,6 +18,7 @@ use super::grid::{MAX_VOXELS, Voxel, to_u32};
 use crate::geometry::polygon;
 use crate::matrix::operator::Block;
 use crate::scene::{FaceId, Scene, SurfaceId};
+use crate::threads;
 
 /// Pairs of surfaces with the least thickness between their surfels, in voxels, and the number of these surfels.
 type Pairs = BTreeMap<[SurfaceId; 2], (f64, usize)>;
@@ -171,11 +172,10 @@ pub(super) fn find(scene: &Scene, voxels: &VoxelScene) -> Found {
         }
         pairs
     };
-    let found: Vec<(usize, Pairs)> = (0..n_ranks)
-        .into_par_iter()
-        .map(|rank| (rank, of_rank(rank)))
-        .filter(|(_, pairs)| !pairs.is_empty())
-        .collect();
+    let found: Vec<(usize, Pairs)> = threads::collect_flat(n_ranks, |rank| {
+        let pairs = of_rank(rank);
+        (!pairs.is_empty()).then_some((rank, pairs))
+    });
     let mut pairs = Pairs::new();
     let mut core = vec![false; if found.is_empty() { 0 } else { n_ranks }];
     for (rank, here) in found {
@@ -205,7 +205,7 @@ fn dilated(voxels: &VoxelScene, marked: &[bool]) -> Vec<bool> {
         voxels.each_rank_around(voxels.surfels[first].voxel(), |other| found |= marked[other as usize]);
         found
     };
-    (0..marked.len()).into_par_iter().map(touches).collect()
+    threads::collect(marked.len(), touches)
 }
 
 fn plane(voxels: &VoxelScene, scene: &Scene, face: FaceId) -> (DVec3, f64) {
@@ -290,7 +290,7 @@ impl Sides {
             }
             parts
         };
-        let parts = of_voxels.par_iter().flat_map_iter(parts_of).collect();
+        let parts = threads::collect_flat(of_voxels.len(), |k| parts_of(&of_voxels[k]));
         Self {
             samples,
             crossed,
@@ -349,7 +349,7 @@ fn samples(scene: &Scene, voxels: &VoxelScene) -> (Vec<u8>, Vec<Sample>) {
         });
         found
     };
-    let mut crossings: Vec<OnSegment> = faces.par_iter().flat_map_iter(of_face).collect();
+    let mut crossings: Vec<OnSegment> = threads::collect_flat(faces.len(), |k| of_face(&faces[k]));
     let segment = |c: &OnSegment| (c.axis, c.lower);
     crossings.par_sort_by(|a, b| {
         segment(a)

@@ -29,7 +29,7 @@ const CONSTANTS: [&str; 6] = [
 
 /// The heat of a scene at one time.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct HeatStep {
     /// The surfaces, in file order.
     pub surfaces: Vec<SurfaceHeat>,

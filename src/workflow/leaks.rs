@@ -20,7 +20,7 @@ pub struct Leaks {
 
 /// The leak through the patches of a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Leak {
     /// The patches that contact edges cross.
     pub n_patches: usize,
@@ -33,7 +33,7 @@ pub struct Leak {
 
 /// An amount that leaks, with its error.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(untagged)]
 pub enum Amount {
     /// A power, W.

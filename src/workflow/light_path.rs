@@ -16,7 +16,7 @@ use crate::solver::Energy;
 
 /// The light of a scene at one time.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct LightStep {
     /// The power balance of each channel.
     pub energy: Vec<Energy>,

@@ -9,7 +9,7 @@ use crate::solver::Solution;
 
 /// A surface and its patches.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SurfaceRecord {
     /// Its name: an `o` or `g` group of the scene's file.
     pub name: String,
@@ -39,13 +39,13 @@ impl SurfaceRecord {
 
 /// A surface and its light.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct LitSurface {
     /// The surface.
     #[serde(flatten)]
     pub surface: SurfaceRecord,
     /// The area mean of the radiosity, W·m⁻², of each channel.
-    #[cfg_attr(feature = "cli", schemars(with = "Vec<Option<f64>>"))]
+    #[cfg_attr(test, schemars(with = "Vec<Option<f64>>"))]
     pub radiosity: Vec<f64>,
     /// The sunlight, where the sun shines.
     #[serde(flatten)]
@@ -57,7 +57,7 @@ pub struct LitSurface {
 
 /// The light straight from the sky on a surface.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SkylitSurface {
     /// The area mean of the irradiance straight from the sky, W·m⁻², of each channel.
     pub sky_irradiance: Vec<f64>,
@@ -67,7 +67,7 @@ pub struct SkylitSurface {
 
 /// The sunlight on a surface.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SunlitSurface {
     /// The fraction of its area that the sun lights.
     pub sunlit_fraction: f64,

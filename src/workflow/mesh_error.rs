@@ -17,7 +17,7 @@ const MUCH: f64 = 0.5;
 
 /// How a solution would change with about a quarter of the patches.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct MeshError {
     /// The patches of the coarser mesh.
     pub n_patches: usize,

@@ -7,7 +7,7 @@ use crate::solver::{Solution, StopReason};
 
 /// How good a solution is.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Quality {
     /// Why the solver stopped.
     pub stop_reason: StopReason,

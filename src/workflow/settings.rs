@@ -10,7 +10,7 @@ use crate::voxel::Form;
 
 /// Whether form factors were made symmetric, and how.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(untagged)]
 pub enum Balanced {
     /// `true`: each pair averaged with its reverse, rows rescaled symmetrically; `false`: no.
@@ -21,7 +21,7 @@ pub enum Balanced {
 
 /// Repairs that weigh entries by their variances.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum VarianceRepair {
     /// The defect of each row sum is spread over its entries by their variances.
@@ -32,7 +32,7 @@ pub enum VarianceRepair {
 
 /// The user's statement whether the scene is closed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum StatedClosure {
     /// No light leaves the scene.
@@ -43,7 +43,7 @@ pub enum StatedClosure {
 
 /// The sun that was asked for, by its direction or by place and time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SunRecord {
     /// The name of the table of where it stands at many times, without directory and ending.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -70,12 +70,12 @@ macro_rules! settings {
         ///
         /// It holds no time, number of threads or path but those that a result is named by.
         #[derive(Clone, Debug, Default, PartialEq, Serialize)]
-        #[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+        #[cfg_attr(test, derive(schemars::JsonSchema))]
         pub struct Settings {
             $($(#[$doc])* #[serde(skip_serializing_if = "Option::is_none")] pub $name: Option<$kind>,)*
             /// The settings of the method and of the solver.
             #[serde(flatten)]
-            #[cfg_attr(feature = "cli", schemars(schema_with = "own"))]
+            #[cfg_attr(test, schemars(schema_with = "own"))]
             pub own: Values,
         }
     };
@@ -177,7 +177,7 @@ settings! {
 }
 
 /// Describes the settings that methods and solvers list.
-#[cfg(feature = "cli")]
+#[cfg(test)]
 fn own(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
     use crate::setting::Kind;
     use crate::{form_factor, solver};

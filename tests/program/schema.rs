@@ -1,28 +1,9 @@
-//! The JSON Schema in `docs/schema.json`, against the generated one and against the documents of every command.
+//! The JSON Schema in `docs/schema.json` against the documents of every command.
 
-use std::path::Path;
-
-use radiosity::document::schema::schema;
 use serde_json::{Value, json};
 
 use super::program::schema::{SCHEMA, check};
 use super::{document, with_scene};
-
-#[test]
-fn the_committed_schema_is_the_generated_one() {
-    assert!(
-        *SCHEMA == schema(),
-        "docs/schema.json is not what the code generates; write it: cargo test --release --test program -- --ignored write_schema"
-    );
-}
-
-/// Writes `docs/schema.json`, after a document has changed.
-#[test]
-#[ignore = "it writes a file of the repository"]
-fn write_schema() {
-    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/schema.json");
-    std::fs::write(file, format!("{:#}\n", schema())).unwrap();
-}
 
 /// Calls `look` with every key of the documents that a schema describes.
 fn for_each_key(schema: &Value, look: &mut impl FnMut(&str, &Value)) {

@@ -3,7 +3,6 @@
 use std::num::NonZeroUsize;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::PairFactors;
 use crate::geometry::point_form_factor::point_form_factor;
@@ -11,6 +10,7 @@ use crate::geometry::quadrature::{GaussProduct, WeightedPoint};
 use crate::geometry::rectangle::rectangle_exchange_area;
 use crate::geometry::sampling::{PointStream, Sequence};
 use crate::mesh::{Mesh, PatchId};
+use crate::threads;
 
 /// The start of rays on a patch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -68,7 +68,7 @@ impl Expected {
                 }
             }
         };
-        let strata_of_patches: Vec<Vec<Stratum>> = (0..mesh.n_patches()).into_par_iter().map(of_patch).collect();
+        let strata_of_patches: Vec<Vec<Stratum>> = threads::collect(mesh.n_patches(), of_patch);
         let mut expected = Self {
             mean: [[0.0; 6]; 6],
             covariance: [[[0.0; 6]; 6]; 6],

@@ -18,7 +18,7 @@ pub const LEVEL: f64 = 1e-3;
 
 /// One figure of a table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Figure {
     /// The method's name in the paper.
     pub method: &'static str,
@@ -54,7 +54,7 @@ pub struct Figure {
 
 /// A table of the paper, repeated.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct TableResult {
     /// Its number.
     pub number: u8,

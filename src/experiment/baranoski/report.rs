@@ -16,7 +16,7 @@ pub const DEFAULT_SEEDS: u64 = 100;
 
 /// The part of the JSON document about the tables.
 #[derive(Clone, Copy, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct BaranoskiDocument<'a> {
     /// The probability with which a table of a correct program is found outside of its range.
     pub level: f64,

@@ -44,7 +44,7 @@ impl CompareSettings<'_> {
 
 /// One run of one setting.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "CompareRun"))]
+#[cfg_attr(test, derive(schemars::JsonSchema), schemars(rename = "CompareRun"))]
 pub struct Run {
     /// The method's name in the sweep.
     pub method: &'static str,
@@ -68,7 +68,7 @@ pub struct Run {
 
 /// The summary of the runs of one setting.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "CompareCase"))]
+#[cfg_attr(test, derive(schemars::JsonSchema), schemars(rename = "CompareCase"))]
 pub struct CaseSummary {
     /// The method's name in the sweep.
     pub method: &'static str,
@@ -92,7 +92,7 @@ pub struct CaseSummary {
 
 /// A setting that was not measured, or not as often as asked.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct LeftOut {
     /// The method's name in the sweep.
     pub method: &'static str,

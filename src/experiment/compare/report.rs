@@ -33,7 +33,7 @@ const BUSY: f64 = 0.2;
 
 /// The part of the JSON document about a comparison.
 #[derive(Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct CompareDocument<'a> {
     /// The name of the scene.
     pub scene: &'a str,
@@ -55,7 +55,7 @@ pub struct CompareDocument<'a> {
 
 /// One half of a comparison: with occluders, or without.
 #[derive(Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ComparisonRecord<'a> {
     /// Whether occluders were looked at: `on` or `off`.
     pub visibility: &'a str,
@@ -71,7 +71,7 @@ pub struct ComparisonRecord<'a> {
 
 /// The reference that errors are measured against.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ReferenceRecord {
     /// Where it comes from.
     pub kind: ReferenceKind,

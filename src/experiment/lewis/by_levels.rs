@@ -2,17 +2,17 @@
 
 use std::time::Instant;
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::model::Room;
 use crate::experiment::ExperimentError;
 use crate::matrix::Precision;
 use crate::matrix::operator::{Block, LinearOperator};
+use crate::threads;
 
 /// One product K u by levels.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct ByLevels {
     /// The level of u.
     pub level: u32,
@@ -52,7 +52,7 @@ pub fn product_by_levels(level: u32, u: &[f64]) -> Result<Vec<ByLevels>, Experim
     let rho = room.reflectance();
     let factors = room.form_factors(Precision::F64)?;
     let raw_sum = |i: usize| -> f64 { (0..n).map(|j| room.kernel(i, room, j)).sum() };
-    let alpha: Vec<f64> = (0..n).into_par_iter().map(raw_sum).collect();
+    let alpha: Vec<f64> = threads::collect(n, raw_sum);
     let threads_off = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let timed = |work: &mut dyn FnMut()| {
         let start = Instant::now();

@@ -14,7 +14,7 @@ use crate::matrix::Precision;
 
 /// A change of the algorithm that works.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Variant {
     /// Nothing: Gauss-Seidel smoothing, v = 0 before the loop, u − P v.
@@ -54,7 +54,7 @@ impl Variant {
 
 /// The run of a variant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct VariantRun {
     /// The level.
     pub level: u32,

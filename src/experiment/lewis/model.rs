@@ -7,13 +7,12 @@
 
 use std::f64::consts::PI;
 
-use rayon::prelude::*;
-
 use crate::experiment::ExperimentError;
 use crate::matrix::operator::Block;
 use crate::matrix::{Entry, FormFactors, Layout, Precision, RowTally, RowTile, StorageChoice};
 use crate::mesh::Hierarchy;
 use crate::mesh::hierarchy::FaceShape;
+use crate::threads;
 
 /// The reflectances ρ of the walls x = 0, x = 1, y = 0, y = 1, z = 0, z = 1.
 const REFLECTANCE: [f64; 6] = [0.2, 0.6, 0.4, 0.8, 1.0, 1.0];
@@ -146,7 +145,7 @@ impl Room {
             entries.map(|(j, value)| (j, value / alpha, 0.0)).collect()
         };
         let tile = |first: usize| {
-            let rows: Vec<Vec<Entry>> = (first..n.min(first + ROWS_PER_TILE)).into_par_iter().map(row).collect();
+            let rows: Vec<Vec<Entry>> = threads::collect(ROWS_PER_TILE.min(n - first), |k| row(first + k));
             let mut tile = RowTile::new(first);
             for entries in &rows {
                 tile.push_row(entries, RowTally::default());

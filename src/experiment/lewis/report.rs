@@ -15,7 +15,7 @@ pub const ROUNDS: usize = 7;
 
 /// Our times of one level.
 #[derive(Clone, Copy, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "LewisTimes"))]
+#[cfg_attr(test, derive(schemars::JsonSchema), schemars(rename = "LewisTimes"))]
 pub struct LevelTimes {
     /// l.
     pub level: u32,

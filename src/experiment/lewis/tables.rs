@@ -29,7 +29,7 @@ use crate::solver::{
 
 /// One line of table 1.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SizeLine {
     /// l.
     pub level: u32,
@@ -47,7 +47,7 @@ pub struct SizeLine {
 
 /// One line of table 2.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "LewisSolverLine"))]
+#[cfg_attr(test, derive(schemars::JsonSchema), schemars(rename = "LewisSolverLine"))]
 pub struct SolverLine {
     /// l.
     pub level: u32,
@@ -91,7 +91,7 @@ impl SolverLine {
 
 /// One of our numbers against what it must be.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "LewisCheck"))]
+#[cfg_attr(test, derive(schemars::JsonSchema), schemars(rename = "LewisCheck"))]
 pub struct Check {
     /// Its kind.
     pub name: String,
@@ -113,7 +113,7 @@ impl Check {
 
 /// All that is repeated of the paper.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct LewisResults {
     /// Table 1.
     pub sizes: Vec<SizeLine>,

@@ -13,7 +13,7 @@ use crate::report::{Machine, Table, table};
 
 /// Our times on one scene, in the order of the runs, s.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "MalgouyresTimes"))]
+#[cfg_attr(test, derive(schemars::JsonSchema), schemars(rename = "MalgouyresTimes"))]
 pub struct SceneTimes {
     /// The scene.
     pub scene: &'static str,

@@ -32,7 +32,7 @@ const COARSEST: u8 = 3;
 
 /// The result of a run on voxels.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct VoxelRun {
     /// Voxels along the longest axis.
     pub n: u32,
@@ -55,7 +55,7 @@ pub struct VoxelRun {
 
 /// The result of a run on patches.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PatchRun {
     /// The form-factor method.
     pub method: &'static str,
@@ -72,7 +72,7 @@ pub struct PatchRun {
 
 /// All runs on one scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "MalgouyresScene"))]
+#[cfg_attr(test, derive(schemars::JsonSchema), schemars(rename = "MalgouyresScene"))]
 pub struct SceneResult {
     /// The scene.
     pub scene: &'static str,
@@ -115,7 +115,7 @@ impl SceneResult {
 
 /// The result of `reproduce malgouyres`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct MalgouyresResults {
     /// The finest resolution is 10 · 2^level.
     pub level: u32,

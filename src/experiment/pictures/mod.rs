@@ -51,7 +51,7 @@ pub const LEVEL_DEFAULT: u32 = 2;
 
 /// One way to make the picture.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PictureRun {
     /// The flags of `radiosity render` that make it.
     pub flags: String,
@@ -75,7 +75,7 @@ pub struct PictureRun {
 
 /// All pictures of the scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PicturesResults {
     /// The scene.
     pub scene: &'static str,

@@ -12,7 +12,7 @@ use crate::report::{Machine, Table};
 
 /// Wall times of the rendering, s.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PictureTimes {
     /// Of each picture, in the order of the runs.
     pub runs_s: Vec<f64>,

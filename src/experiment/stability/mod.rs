@@ -54,7 +54,7 @@ const RUNS_S: f64 = 5e-3;
 
 /// How one solver did on one case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "StabilityVerdict"))]
+#[cfg_attr(test, derive(schemars::JsonSchema), schemars(rename = "StabilityVerdict"))]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// It converged, and all it says is true.
@@ -69,7 +69,7 @@ pub enum Verdict {
 
 /// One solver on one case.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "StabilityCell"))]
+#[cfg_attr(test, derive(schemars::JsonSchema), schemars(rename = "StabilityCell"))]
 pub struct Cell {
     /// The case's name.
     pub case: String,
@@ -98,7 +98,7 @@ pub struct Cell {
 
 /// One case and how `auto` did among the solvers.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "StabilityCase"))]
+#[cfg_attr(test, derive(schemars::JsonSchema), schemars(rename = "StabilityCase"))]
 pub struct CaseSummary {
     /// Its name.
     pub name: String,
@@ -117,7 +117,7 @@ pub struct CaseSummary {
 
 /// The whole table.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Stability {
     /// The cases, in order.
     pub cases: Vec<CaseSummary>,

@@ -13,7 +13,7 @@ use crate::workflow::Settings;
 
 /// The part of the JSON document about the table.
 #[derive(Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct StabilityDocument<'a> {
     /// The tolerance on sqrt(Σ A r² / Σ A E²).
     pub tolerance: f64,
@@ -36,7 +36,7 @@ struct StabilityResult<'a> {
 
 /// Our times of one case.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "StabilityTimes"))]
+#[cfg_attr(test, derive(schemars::JsonSchema), schemars(rename = "StabilityTimes"))]
 pub struct CaseTimes<'a> {
     /// The case.
     pub case: &'a str,

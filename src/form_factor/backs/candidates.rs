@@ -5,7 +5,6 @@ use std::ops::ControlFlow;
 use std::sync::OnceLock;
 
 use glam::{DVec2, DVec3};
-use rayon::prelude::*;
 
 use crate::form_factor::Input;
 use crate::geometry::box_pairs::BoxTree;
@@ -14,6 +13,7 @@ use crate::geometry::polygon;
 use crate::mesh::PatchId;
 use crate::scene::topology::{Backs, Pieces, Place, View, bounding_box, joint, places};
 use crate::scene::{FaceId, Scene};
+use crate::threads;
 
 /// The patches that may see back faces.
 pub(super) struct Candidates {
@@ -82,11 +82,13 @@ impl Candidates {
             }
             search.backs_seen(face_of(patches[0]), &fronts, max_parts)
         };
-        let sees_backs = |patches: &&[usize]| listed(patches, 0).is_none();
-        let seeing: Vec<&[usize]> = of_one_face.into_par_iter().filter(sees_backs).collect();
+        let seeing: Vec<&[usize]> = threads::collect_flat(of_one_face.len(), |k| {
+            let patches = of_one_face[k];
+            listed(patches, 0).is_none().then_some(patches)
+        });
         let n_patches: usize = seeing.iter().map(|patches| patches.len()).sum();
         let max_parts = max_pairs / n_patches.max(1);
-        let view = |patches: &[usize]| Seeing {
+        let view = |patches: &&[usize]| Seeing {
             patches: patches.to_vec(),
             backs: if max_parts > 0 {
                 listed(patches, max_parts)
@@ -94,7 +96,7 @@ impl Candidates {
                 None
             },
         };
-        found.views = seeing.into_par_iter().map(view).collect();
+        found.views = threads::collect_from(&seeing, view);
         found
     }
 
@@ -217,10 +219,9 @@ fn hiding_own(scene: &Scene, pieces: &Pieces, of_faces: &[Place]) -> Vec<bool> {
         return hides_own;
     }
     let tolerance = joint(scene);
-    let on_hull: Vec<bool> = rims
-        .par_iter()
-        .map(|(_, ends)| is_on_hull(ends.map(|v| scene.vertices[v as usize]), &used, tolerance))
-        .collect();
+    let on_hull: Vec<bool> = threads::collect_from(rims, |(_, ends)| {
+        is_on_hull(ends.map(|v| scene.vertices[v as usize]), &used, tolerance)
+    });
     for ((piece, _), is_on_it) in rims.iter().zip(on_hull) {
         hides_own[*piece as usize] &= is_on_it;
     }

@@ -24,6 +24,7 @@ use crate::form_factor::pairs::Exchange;
 use crate::form_factor::partial::Whole;
 use crate::matrix::{RowTally, RowTile};
 use crate::progress::Portions;
+use crate::threads;
 use crate::visibility::occluders::{OccluderId, OccluderIndex};
 
 /// The fewest pairs at which a batch ends: enough work for some threads even where rows are short.
@@ -131,19 +132,19 @@ impl Batches<'_> {
         let until = |row: usize| (first_row..row).map(|i| (n - 1 - i) as u64).sum::<u64>() / 2;
         let n_steps = until(self.next_row) - until(begin);
         let seen = Portions::new(self.progress, n_steps / 2, faces.len());
-        let views: Vec<Views> = faces
-            .clone()
-            .into_par_iter()
-            .map(|f| self.views_of(f))
-            .inspect(|_| seen.part_done())
-            .collect();
+        let views: Vec<Views> = threads::collect(faces.len(), |k| {
+            let views = self.views_of(faces.start + k);
+            seen.part_done();
+            views
+        });
         let of_batch = self.patches.face_of_patch[first_row]..faces.end;
         self.find_tables((&of_batch, &rows), &faces, &views);
         let classified = Portions::new(self.progress, n_steps - n_steps / 2, runs.len());
-        runs.par_iter()
-            .map(|&(f, run)| self.classify(f, &self.patches.faces[f].runs[run], &views[f - faces.start]))
-            .inspect(|_| classified.part_done())
-            .collect()
+        threads::collect_from(runs, |&(f, run)| {
+            let strip = self.classify(f, &self.patches.faces[f].runs[run], &views[f - faces.start]);
+            classified.part_done();
+            strip
+        })
     }
 }
 
@@ -174,23 +175,20 @@ impl Iterator for Batches<'_> {
         let n_pairs: u64 = (first_row..self.next_row).map(|i| (n - 1 - i) as u64).sum();
         self.integrate(&mut strips, n_pairs - n_pairs / 2);
         if let Some(rounded) = self.rounded.as_ref().filter(|_| !self.progress.is_cancelled()) {
-            strips
-                .par_iter_mut()
-                .for_each(|strip| self.state_behind(rounded, strip));
+            threads::for_each_chunk(true, &mut strips, 1, |_, strip| {
+                self.state_behind(rounded, &mut strip[0]);
+            });
         }
         let counts = strips
             .iter()
             .fold(PairCounts::default(), |sum, strip| sum.plus(strip.counts));
-        let tiles = strips
-            .into_par_iter()
-            .map(|strip| {
-                let mut tile = RowTile::new(strip.first_row);
-                for row in &strip.rows {
-                    tile.push_row(row, RowTally::default());
-                }
-                tile
-            })
-            .collect();
+        let tiles = threads::collect_from(&strips, |strip| {
+            let mut tile = RowTile::new(strip.first_row);
+            for row in &strip.rows {
+                tile.push_row(row, RowTally::default());
+            }
+            tile
+        });
         let piece = Piece {
             tiles,
             counts,

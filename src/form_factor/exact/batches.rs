@@ -4,7 +4,6 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::faces::FaceTree;
 use super::grids::Grids;
@@ -22,6 +21,7 @@ use crate::geometry::polygon_form_factor::exchange_area;
 use crate::matrix::Entry;
 use crate::progress::Progress;
 use crate::scene::FaceId;
+use crate::threads;
 use crate::visibility::occluders::{Between, Measures, OccluderId, OccluderIndex, PairVisibility};
 
 /// All batches in the order of their rows.
@@ -114,18 +114,10 @@ impl<'a> Batches<'a> {
         Self {
             method,
             progress,
-            measures: patches
-                .faces
-                .par_iter()
-                .map(|face| Measures::of(&face.runs[0].hull))
-                .collect(),
+            measures: threads::collect_from(&patches.faces, |face| Measures::of(&face.runs[0].hull)),
             tree: FaceTree::new(&patches, &facing),
             facing,
-            lattices: patches
-                .faces
-                .par_iter()
-                .map(|face| Lattice::find(&patches.corners, face.range()))
-                .collect(),
+            lattices: threads::collect_from(&patches.faces, |face| Lattice::find(&patches.corners, face.range())),
             index,
             rounded: Rounded::new(input),
             before,

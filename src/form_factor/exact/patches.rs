@@ -5,12 +5,12 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
-use rayon::prelude::*;
 
 use crate::form_factor::facing::Facing;
 use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::PreparedPolygon;
 use crate::mesh::Mesh;
+use crate::threads;
 use crate::visibility::plane::Lean;
 
 /// A run of consecutive patches of one face.
@@ -76,13 +76,13 @@ impl Patches {
         for (f, range) in ranges.iter().enumerate() {
             face_of_patch[range.clone()].fill(f);
         }
-        let prepared: Vec<PreparedPolygon> = corners.par_iter().map(|c| PreparedPolygon::new(c)).collect();
+        let prepared: Vec<PreparedPolygon> = threads::collect_from(&corners, |c| PreparedPolygon::new(c));
         let mut patches = Self {
             areas: prepared.iter().map(PreparedPolygon::area).collect(),
-            bent: corners.par_iter().map(|c| bent(c)).collect(),
+            bent: threads::collect_from(&corners, |c| bent(c)),
             borders: Vec::new(),
             prepared,
-            faces: ranges.par_iter().map(face).collect(),
+            faces: threads::collect_from(&ranges, face),
             face_of_patch,
             corners,
         };
@@ -121,8 +121,8 @@ impl Patches {
 
     /// Returns the least reach of any patch: the greatest distance of a corner from the mean of its corners, in m.
     pub(super) fn least_reach(&self) -> f64 {
-        let reaches = self.corners.par_iter().map(|corners| Lean::of(corners).reach());
-        reaches.reduce(|| f64::INFINITY, f64::min)
+        let reaches = threads::collect_from(&self.corners, |corners| Lean::of(corners).reach());
+        reaches.into_iter().fold(f64::INFINITY, f64::min)
     }
 
     /// Returns whether two faces are one patch each.

@@ -10,13 +10,13 @@
 )]
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::form_factor::partial::{self, Integration, Partial, Whole};
 use crate::form_factor::sight::whole_where_grazing;
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
 use crate::progress::Progress;
+use crate::threads;
 use crate::visibility::occluders::{Occluder, OccluderId, OccluderIndex, PairVisibility};
 use crate::visibility::plane::Plane;
 
@@ -156,14 +156,10 @@ impl Split<'_> {
         let Parts { leaves, full } = self.parts(p, q, among, goal, without);
         let cost: usize = leaves.iter().map(|leaf| leaf.cost).sum();
         let rest = goal - full[1];
-        let begun: Vec<Integration> = leaves
-            .par_iter()
-            .with_max_len(1)
-            .map(|leaf| {
-                let share = leaf.cost as f64 / cost as f64;
-                self.begin(leaf, share * rest, budget.saturating_mul(leaf.cost) / cost)
-            })
-            .collect();
+        let begun: Vec<Integration> = threads::collect_from(&leaves, |leaf| {
+            let share = leaf.cost as f64 / cost as f64;
+            self.begin(leaf, share * rest, budget.saturating_mul(leaf.cost) / cost)
+        });
         let found = self.finish(begun, rest, budget);
         Partial {
             exchange_area: full[0] + found.exchange_area,

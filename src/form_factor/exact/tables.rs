@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::batches::{Batches, Known};
 use super::corners::{CornerSums, PatchGrid};
 use super::lattice::{Lattice, Repeats};
@@ -11,6 +9,7 @@ use super::table::{MIN_PAIRS, Table};
 use super::views::Views;
 use crate::form_factor::pairs::Exchange;
 use crate::geometry::polygon_form_factor::PreparedPolygon;
+use crate::threads;
 use crate::visibility::occluders::PairVisibility;
 
 impl Batches<'_> {
@@ -80,10 +79,10 @@ impl Batches<'_> {
             })
             .filter(|key| !tables.contains_key(key))
             .collect();
-        let found: Vec<([usize; 2], Table)> = missing
-            .into_par_iter()
-            .filter_map(|key| Some((key, self.table(key, rows)?)))
-            .collect();
+        let found: Vec<([usize; 2], Table)> = threads::collect_flat(missing.len(), |k| {
+            let key = missing[k];
+            Some((key, self.table(key, rows)?))
+        });
         tables.extend(found);
         self.tables = tables;
     }

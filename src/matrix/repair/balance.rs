@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::matrix::backend::Backend;
@@ -15,6 +14,7 @@ use crate::matrix::operator::{Block, LinearOperator};
 use crate::matrix::symmetric;
 use crate::matrix::tile::{RowTally, RowTile, index};
 use crate::matrix::transpose::{Pair, RowBlock};
+use crate::threads;
 
 /// The weights of the two estimates of an exchange area, A_i F_ij and A_j F_ji, in their mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -33,7 +33,7 @@ pub enum Weighting {
 
 /// How a balance went.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct BalanceReport {
     /// Passes over F.
     pub n_passes: usize,
@@ -113,10 +113,8 @@ impl FormFactors {
             symmetric::from_parts(&self.areas, self.storage(), |add| {
                 let mut added = Ok(());
                 self.for_each_round(SIDE, |blocks| {
-                    let tiles = blocks
-                        .par_iter()
-                        .map(|block| upper(block, block.rows.start..self.n_rows()));
-                    let came = self.sent_by_all(&tiles.collect::<Vec<_>>());
+                    let tiles = threads::collect_from(blocks, |block| upper(block, block.rows.start..self.n_rows()));
+                    let came = self.sent_by_all(&tiles);
                     added = std::mem::replace(&mut added, Ok(())).and_then(|()| add(came));
                 });
                 added

@@ -1,13 +1,12 @@
 //! The repair of rows of low-discrepancy rays: it adds the other patch's rays, and keeps the sums of the rows.
 
-use rayon::prelude::*;
-
 use crate::matrix::bounds::Open;
 use crate::matrix::error::MatrixError;
 use crate::matrix::form_factors::FormFactors;
 use crate::matrix::kernel::sizes::{SIDE, block_rows};
 use crate::matrix::tile::{Entry, RowTile, index};
 use crate::matrix::transpose::{Pair, RowBlock};
+use crate::threads;
 
 /// The variance of a row's own entries relative to that of independent rays, in its effect on Σ_j F_ij B_j.
 ///
@@ -39,19 +38,16 @@ impl FormFactors {
         let mut pooled = if self.needs_columns() {
             let mut tiles = Vec::new();
             self.for_each_round(SIDE, |blocks| {
-                tiles.par_extend(blocks.par_iter().map(|block| self.pooled_rows(block)));
+                tiles.append(&mut threads::collect_from(blocks, |block| self.pooled_rows(block)));
             });
             Self::from_own_tiles(self.areas.clone(), self.tallies.clone(), tiles, self.storage())?
         } else {
             // Tiles begin in the same rows on any number of ranks, and so are stored alike.
             let blocks: Vec<_> = block_rows(self.n_rows()).collect();
             let n_at_once = (AT_ONCE / SIDE).max(rayon::current_num_threads());
-            let tiles = blocks.chunks(n_at_once).flat_map(|some| {
-                let tiles = some
-                    .par_iter()
-                    .map(|rows| self.pooled_rows(&self.row_block(rows.clone())));
-                tiles.collect::<Vec<_>>()
-            });
+            let tiles = blocks
+                .chunks(n_at_once)
+                .flat_map(|some| threads::collect_from(some, |rows| self.pooled_rows(&self.row_block(rows.clone()))));
             Self::from_tiles(self.areas.clone(), tiles, self.storage())?
         };
         pooled.open = self.open.as_ref().map(Open::pooled);

@@ -3,8 +3,6 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use super::choose::store;
 use super::store::Store;
 use crate::matrix::backend::{Backend, share_of};
@@ -215,8 +213,8 @@ impl Backend for Rows {
                 encode(&stored_rows(self, self.firsts[k]..end, |_| 0..self.n))
             });
             let came = part.ranks.all_gather(&sent.unwrap_or_default());
-            tiles.par_extend(came.par_iter().filter_map(|bytes| {
-                let tile = decode(bytes)?;
+            tiles.append(&mut threads::collect_flat(came.len(), |rank| {
+                let tile = decode(&came[rank])?;
                 let stored = store(&tile, self.n, (self.layout, self.precision));
                 let stored = stored.expect("what was stored is stored again");
                 Some((tile.first_row(), tile.first_row() + tile.n_rows(), stored))

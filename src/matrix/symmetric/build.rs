@@ -3,8 +3,6 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use super::tiles::{Stored, Tiles};
 use crate::in_order::{InOrder, by_turns};
 use crate::matrix::backend::Backend;
@@ -15,6 +13,7 @@ use crate::matrix::kernel::sizes::{SIDE, block_rows};
 use crate::matrix::square::{Placed, Square};
 use crate::matrix::tile::{RowTile, index};
 use crate::matrix::together::rows_of;
+use crate::threads;
 
 /// Stores the s_ij = A_i F_ij / max A between patches of these areas, computed by `upper` in parallel.
 ///
@@ -95,12 +94,12 @@ pub(in crate::matrix) fn from_parts(
         let part = Stored::new(n, choice);
         let mut rows: Vec<_> = block_rows(n).map(|_| Vec::new()).collect();
         give(&mut |tiles| {
-            let stored = tiles.par_iter().map(|tile| {
+            let stored = threads::collect_from(&tiles, |tile| {
                 let k = tile.first_row() / SIDE;
-                Ok((k, row_of_tiles::<T>(tile, n, choice.layout, part.columns(k))?))
+                (k, row_of_tiles::<T>(tile, n, choice.layout, part.columns(k)))
             });
-            for (k, squares) in stored.collect::<Result<Vec<_>, MatrixError>>()? {
-                rows[k] = squares;
+            for (k, squares) in stored {
+                rows[k] = squares?;
             }
             Ok(())
         })?;

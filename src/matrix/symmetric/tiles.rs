@@ -5,8 +5,6 @@ use std::fmt::Debug;
 use std::ops::Range;
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
 use super::build::row_of_tiles;
 use super::pass::{PassSums, PieceOfY};
 use crate::in_order::InOrder;
@@ -399,15 +397,12 @@ impl<T: Scalar> Backend for Tiles<T> {
                 encode(&stored_rows(self, range, |i| i..self.n))
             });
             let came = ranks.all_gather(&sent.unwrap_or_default());
-            let made: Vec<_> = came
-                .par_iter()
-                .filter_map(|bytes| {
-                    let tile = decode(bytes)?;
-                    let k = tile.first_row() / SIDE;
-                    let tiles = row_of_tiles::<T>(&tile, self.n, all.layout, all.columns(k));
-                    Some((k, tiles.expect("what was stored is stored again")))
-                })
-                .collect();
+            let made = threads::collect_flat(came.len(), |rank| {
+                let tile = decode(&came[rank])?;
+                let k = tile.first_row() / SIDE;
+                let tiles = row_of_tiles::<T>(&tile, self.n, all.layout, all.columns(k));
+                Some((k, tiles.expect("what was stored is stored again")))
+            });
             for (k, tiles) in made {
                 rows[k] = tiles;
             }
@@ -436,7 +431,7 @@ impl<T: Scalar> Backend for Tiles<T> {
                 .map(|(k, tile)| tile.n_nonzero() * if k == 0 { 1 } else { 2 })
                 .sum::<usize>()
         };
-        rows.par_iter().map(of_row).sum()
+        threads::collect_from(rows, of_row).into_iter().sum()
     }
 
     fn stored_byte(&self) -> usize {

@@ -26,7 +26,6 @@ use std::path::Path;
 use answer::PixelAnswer;
 use groups::{Tally, count_wrong_strips, part_report, tile_report};
 use layers::{Judged, Layers};
-use rayon::prelude::*;
 use serde::Deserialize as _;
 
 use super::attributes::Attributes;
@@ -36,6 +35,7 @@ use super::samples::PixelSamples;
 use super::unfolded::Unfolded;
 use super::view::{CameraRecord, ViewDescription};
 use crate::scene::SurfaceId;
+use crate::threads;
 pub use error::VerifyError;
 use points::Reference;
 pub use report::{LayerCheck, LayerReport, Tolerance, VerifyReport, WallReport};
@@ -120,10 +120,9 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
     let all_judged: Vec<Vec<Judged>> = sheets
         .iter()
         .map(|sheet| {
-            let pixels = sheet.answers.par_iter().enumerate();
-            let mut judged: Vec<Judged> = pixels
-                .map(|(k, answer)| layers.judge(sheet, k, answer, &reference, pixel_odds))
-                .collect();
+            let mut judged: Vec<Judged> = threads::collect(sheet.answers.len(), |k| {
+                layers.judge(sheet, k, &sheet.answers[k], &reference, pixel_odds)
+            });
             neighbours::narrow(sheet, &mut judged, &reference);
             judged
         })

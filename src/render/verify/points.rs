@@ -1,7 +1,6 @@
 //! The exact direct irradiance at the visible points of an image.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::answer::{Centre, PixelAnswer, Shown};
 use super::clear_view::{Plate, is_clear, misses_region};
@@ -22,6 +21,7 @@ use crate::render::samples::PixelSamples;
 use crate::render::unfolded::Tile;
 use crate::render::view::ViewDescription;
 use crate::scene::slack_of;
+use crate::threads;
 use crate::visibility::occluders::are_sides_of_a_sheet;
 
 /// The fraction of an emitter's form factor in doubt above which a point is not checked: the rounding of corners decides its visibility.
@@ -225,44 +225,42 @@ impl<'a> Reference<'a> {
         let samples = PixelSamples::new(&self.attributes.render, &self.attributes.view);
         let pixel =
             |k: usize| (tile.top as usize + k / columns) * self.image_width() + tile.left as usize + k % columns;
-        (0..n_pixels)
-            .into_par_iter()
-            .map_init(SeenFrom::default, |seen, k| {
-                let corner = (
-                    f64::from(tile.left) + (k % columns) as f64,
-                    f64::from(tile.top) + (k / columns) as f64,
-                );
-                let points: Vec<DVec3> = samples
-                    .places(0, 0, samples.n_first())
-                    .map(|(x, y)| tile.point(corner.0 + x, corner.1 + y))
-                    .collect();
-                let answer = match self.coverage(tile, &points) {
-                    Coverage::None => PixelAnswer::Background,
-                    Coverage::Partial => PixelAnswer::Border,
-                    Coverage::Full => {
-                        let mut light = Light::default();
-                        let share = 1.0 / points.len() as f64;
-                        for (sample, &point) in points.iter().enumerate() {
-                            let stream = self.stream(pixel(k), sample);
-                            self.add_light(&mut light, (share, stream), point, &region, seen);
-                        }
-                        let common = material.filter(|_| uniform);
-                        PixelAnswer::Surface(Box::new(Shown {
-                            albedo: common.map(|(_, reflectance)| reflectance),
-                            surface: Some(tile.surface),
-                            plane: Some(tile.surface.0),
-                            material: common,
-                            irradiance: light.irradiance(),
-                            shaded: light.shaded,
-                            drawn: light.drawn(),
-                            rounding: light.rounding,
-                            front: true,
-                        }))
+        let answers = threads::collect_with(n_pixels, SeenFrom::default, |seen, k| {
+            let corner = (
+                f64::from(tile.left) + (k % columns) as f64,
+                f64::from(tile.top) + (k / columns) as f64,
+            );
+            let points: Vec<DVec3> = samples
+                .places(0, 0, samples.n_first())
+                .map(|(x, y)| tile.point(corner.0 + x, corner.1 + y))
+                .collect();
+            let answer = match self.coverage(tile, &points) {
+                Coverage::None => PixelAnswer::Background,
+                Coverage::Partial => PixelAnswer::Border,
+                Coverage::Full => {
+                    let mut light = Light::default();
+                    let share = 1.0 / points.len() as f64;
+                    for (sample, &point) in points.iter().enumerate() {
+                        let stream = self.stream(pixel(k), sample);
+                        self.add_light(&mut light, (share, stream), point, &region, seen);
                     }
-                };
-                (answer, self.centre(tile, tile.point(corner.0 + 0.5, corner.1 + 0.5)))
-            })
-            .unzip()
+                    let common = material.filter(|_| uniform);
+                    PixelAnswer::Surface(Box::new(Shown {
+                        albedo: common.map(|(_, reflectance)| reflectance),
+                        surface: Some(tile.surface),
+                        plane: Some(tile.surface.0),
+                        material: common,
+                        irradiance: light.irradiance(),
+                        shaded: light.shaded,
+                        drawn: light.drawn(),
+                        rounding: light.rounding,
+                        front: true,
+                    }))
+                }
+            };
+            (answer, self.centre(tile, tile.point(corner.0 + 0.5, corner.1 + 0.5)))
+        });
+        answers.into_iter().unzip()
     }
 
     /// Returns the number of the first face of a tile's surface.

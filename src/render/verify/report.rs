@@ -4,7 +4,7 @@ use serde::Serialize;
 
 /// The result of a verification; see [`verify`](super::verify()).
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct VerifyReport {
     /// The surface that the form factors are to, where the image is a field of them; all errors and means are then form factors.
     pub field: Option<String>,
@@ -52,7 +52,7 @@ pub struct VerifyReport {
 
 /// How a layer was checked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum LayerCheck {
     /// Against the closed form, wherever it is known.
@@ -69,7 +69,7 @@ pub enum LayerCheck {
 
 /// One layer, or the channels of one name.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct LayerReport {
     /// The name before the dot, or of the channels.
     pub name: String,
@@ -79,7 +79,7 @@ pub struct LayerReport {
 
 /// The tolerance of a pixel: statistical + offset + rounding, each computed per pixel and channel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "VerifyTolerance"))]
+#[cfg_attr(test, derive(schemars::JsonSchema), schemars(rename = "VerifyTolerance"))]
 pub struct Tolerance {
     /// The probability with which a correct image may fail, all checks together.
     pub false_alarm: f64,
@@ -103,7 +103,7 @@ pub struct Tolerance {
 ///
 /// The wall is right if |mean − expected| ≤ statistical + offset + rounding in every channel.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct WallReport {
     /// The surface's name.
     pub name: String,

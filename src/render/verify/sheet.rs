@@ -1,7 +1,6 @@
 //! Rectangles of an image with the expected content of their pixels.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
 use super::answer::{Centre, PixelAnswer, Shown};
 use super::error::VerifyError;
@@ -12,6 +11,7 @@ use super::region::SeenFrom;
 use crate::render::samples::PixelSamples;
 use crate::render::unfolded::Tile;
 use crate::render::view::CameraRecord;
+use crate::threads;
 
 /// The side of the square blocks of pixels for which candidates are found together.
 const BLOCK_SIDE: usize = 16;
@@ -70,28 +70,25 @@ impl Sheet {
             .flat_map(|j| (0..columns.div_ceil(BLOCK_SIDE)).map(move |i| [i * BLOCK_SIDE, j * BLOCK_SIDE]))
             .collect();
         let bounds = |[x, y]: [usize; 2]| [x, y, (x + BLOCK_SIDE).min(columns), (y + BLOCK_SIDE).min(rows)];
-        let found: Vec<Vec<(PixelAnswer, Centre)>> = blocks
-            .par_iter()
-            .map(|&block| {
-                let [x0, y0, x1, y1] = bounds(block);
-                let [left, top, right, bottom] = [x0, y0, x1, y1].map(|place| place as f64);
-                let edges = [ray(left, top), ray(right, top), ray(right, bottom), ray(left, bottom)];
-                let middle = ray(0.5 * (left + right), 0.5 * (top + bottom));
-                let mut eye = Eye {
-                    reference,
-                    faces: &faces,
-                    place: camera.eye(),
-                    candidates: faces.inside(camera.eye(), edges, middle),
-                    samples,
-                    n_samples,
-                    seen: Vec::new(),
-                };
-                (y0..y1)
-                    .flat_map(|y| (x0..x1).map(move |x| (x, y)))
-                    .map(|(x, y)| eye.pixel(y * columns + x, |dx, dy| ray(x as f64 + dx, y as f64 + dy)))
-                    .collect()
-            })
-            .collect();
+        let found: Vec<Vec<(PixelAnswer, Centre)>> = threads::collect_from(&blocks, |&block| {
+            let [x0, y0, x1, y1] = bounds(block);
+            let [left, top, right, bottom] = [x0, y0, x1, y1].map(|place| place as f64);
+            let edges = [ray(left, top), ray(right, top), ray(right, bottom), ray(left, bottom)];
+            let middle = ray(0.5 * (left + right), 0.5 * (top + bottom));
+            let mut eye = Eye {
+                reference,
+                faces: &faces,
+                place: camera.eye(),
+                candidates: faces.inside(camera.eye(), edges, middle),
+                samples,
+                n_samples,
+                seen: Vec::new(),
+            };
+            (y0..y1)
+                .flat_map(|y| (x0..x1).map(move |x| (x, y)))
+                .map(|(x, y)| eye.pixel(y * columns + x, |dx, dy| ray(x as f64 + dx, y as f64 + dy)))
+                .collect()
+        });
         let mut answers = vec![PixelAnswer::Background; columns * rows];
         let mut centres = vec![Centre::Unsure; columns * rows];
         for (&block, of_block) in blocks.iter().zip(found) {

@@ -192,8 +192,8 @@ impl Solver for Multigrid {
         } else {
             Some(Levels::new(self, &hierarchy, rows, system)?)
         };
-        let cycles = Cycles::new(self, &scaled, rows, &hierarchy, levels, options, start);
-        iteration::run(&scaled, options, monitor, cycles)
+        let mut cycles = Cycles::new(self, &scaled, rows, &hierarchy, levels, options, start);
+        iteration::run(&scaled, options, monitor, &mut cycles)
     }
 }
 
@@ -254,7 +254,9 @@ impl<'a> Cycles<'a> {
 }
 
 impl Iteration for Cycles<'_> {
-    const NEEDS_RESIDUAL: bool = false;
+    fn needs_residual(&self) -> bool {
+        false
+    }
 
     fn setup(&self) -> Setup {
         self.setup

@@ -79,7 +79,7 @@ const POINTS_PER_PASS: usize = 16;
 
 /// The outcome of one method in one case.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct SolverRun {
     /// The method.
     pub method: &'static str,
@@ -117,7 +117,7 @@ pub struct SolverRun {
 
 /// All methods in one case.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct CaseResult {
     /// The case.
     pub case: Case,

@@ -14,7 +14,7 @@ use crate::visibility::embree::EmbreeVisibility;
 
 /// A test case: table 1 of the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema), schemars(rename = "SolverCase"))]
+#[cfg_attr(test, derive(schemars::JsonSchema), schemars(rename = "SolverCase"))]
 pub struct Case {
     /// Its letter.
     pub name: char,

@@ -15,11 +15,7 @@ use crate::matrix::operator::{Block, LinearOperator};
 
 /// How a printed algorithm ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[cfg_attr(
-    feature = "cli",
-    derive(schemars::JsonSchema),
-    schemars(rename = "PrintedFormVerdict")
-)]
+#[cfg_attr(test, derive(schemars::JsonSchema), schemars(rename = "PrintedFormVerdict"))]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// It meets the tolerance on the true residual.
@@ -32,7 +28,7 @@ pub enum Verdict {
 
 /// A printed algorithm and what came of it.
 #[derive(Clone, Debug, Serialize)]
-#[cfg_attr(feature = "cli", derive(schemars::JsonSchema))]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PrintedForm {
     /// Its name.
     pub name: &'static str,
