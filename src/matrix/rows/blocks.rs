@@ -388,14 +388,17 @@ impl<T: Scalar, const C: usize> Sweep<'_, T, C> {
         let (others, beside) = tile.parts_beside(row, diagonal);
         let mut lanes = [[0.0; C]; STRIP];
         for part in others {
+            // Sums of their own stay in registers while the blocks of a part are read.
+            let mut sums = lanes;
             part.for_each(expander, |number, a| {
                 let x_k = whole.get(number).unwrap_or(&last);
                 for (l, a) in a.as_flattened().iter().enumerate() {
                     for c in 0..C {
-                        lanes[l][c] = a.mul_add(x_k[l][c], lanes[l][c]);
+                        sums[l][c] = a.mul_add(x_k[l][c], sums[l][c]);
                     }
                 }
             });
+            lanes = sums;
         }
         for (column, k) in beside.entries((0, 0)) {
             let a = beside.values[k].to_f64();
