@@ -1,7 +1,7 @@
 //! The JSON documents that the program prints: one typed structure for each command, with units and meaning at every key.
 //!
 //! Keys are sorted when a document is written. Lengths are in m, areas in m², powers in W, radiosities, irradiances and exitances in W·m⁻², times in s, memory in bytes; form factors, reflectances and
-//! relative errors have no unit. Numbers that are not finite are written as null. `docs/schema.json` is the JSON Schema of all documents; [`schema`](mod@schema) generates it.
+//! relative errors have no unit. Numbers that are not finite are written as null. `docs/schema.json` is the JSON Schema of all documents; a test holds it against these types.
 
 mod form_factors;
 mod heat;
