@@ -182,7 +182,7 @@ impl Iterator for Batches<'_> {
         let counts = strips
             .iter()
             .fold(PairCounts::default(), |sum, strip| sum.plus(strip.counts));
-        let tiles = threads::collect_from(&strips, |strip| {
+        let tiles = threads::collect_owned(strips, |strip| {
             let mut tile = RowTile::new(strip.first_row);
             for row in &strip.rows {
                 tile.push_row(row, RowTally::default());
@@ -247,6 +247,7 @@ impl Batches<'_> {
             .flat_map(|strip| strip.partial.iter().map(move |pair| (strip, pair)))
             .collect();
         let integrated = Portions::new(self.progress, n_steps, work.len());
+        // Finer pieces than those of `threads`, for the same reason.
         let results: Vec<Option<Stated>> = work
             .par_iter()
             .with_max_len(16)

@@ -533,3 +533,14 @@ fn polygon_area(corners: &[DVec2]) -> f64 {
         .sum();
     0.5 * doubled.abs()
 }
+
+/// Returns plates as occluders of two sides.
+#[cfg(test)]
+fn two_sided(plates: &[Vec<DVec3>]) -> Vec<Occluder<'_>> {
+    let occluder = |corners| Occluder {
+        corners: std::borrow::Cow::from(corners),
+        one_sided: false,
+        body: None,
+    };
+    plates.iter().map(occluder).collect()
+}

@@ -361,6 +361,7 @@ impl SolidAngle {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::form_factor::partial::two_sided;
     use crate::form_factor::partial::{Accuracy, exchange_area};
 
     fn square(corner: DVec3, a: DVec3, b: DVec3) -> Vec<DVec3> {
@@ -413,14 +414,7 @@ mod tests {
                         )
                     })
                     .collect();
-                let occluders: Vec<Occluder<'_>> = plates
-                    .iter()
-                    .map(|corners| Occluder {
-                        corners: corners.into(),
-                        one_sided: false,
-                        body: None,
-                    })
-                    .collect();
+                let occluders = two_sided(&plates);
                 let accuracy = Accuracy {
                     tolerance: 1e-5,
                     budget: 10_000_000,
@@ -447,11 +441,7 @@ mod tests {
         let floor = square(DVec3::ZERO, DVec3::X, DVec3::Y);
         let ceiling = square(DVec3::Z, DVec3::Y, DVec3::X);
         let plates = [0.1, 0.4, 0.7].map(|x| square(DVec3::new(x, x, 0.5), 0.2 * DVec3::X, DVec3::new(0.1, 0.2, 0.1)));
-        let occluders = plates.each_ref().map(|corners| Occluder {
-            corners: corners.into(),
-            one_sided: false,
-            body: None,
-        });
+        let occluders = two_sided(&plates);
         let whole = Whole::of(&floor, &ceiling, 0.0);
         let by = |go_on: bool| {
             let goal = 3e-3 * whole.area;

@@ -133,6 +133,7 @@ mod tests {
     use glam::DQuat;
 
     use super::*;
+    use crate::form_factor::partial::two_sided;
     use crate::geometry::sampling::{PointStream, Sequence};
 
     #[test]
@@ -154,14 +155,7 @@ mod tests {
                 vec![middle - a - b, middle + a - b, middle + a + b, middle - a + b]
             })
             .collect();
-        let occluders: Vec<Occluder<'_>> = squares
-            .iter()
-            .map(|corners| Occluder {
-                corners: corners.into(),
-                one_sided: false,
-                body: None,
-            })
-            .collect();
+        let occluders = two_sided(&squares);
         let level = |z: f64| [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| DVec3::new(x, y, z));
         let (below, above) = (level(0.0), level(1.0));
         let list = Stops::new([&below, &above], &occluders);

@@ -87,6 +87,7 @@ fn prism(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::form_factor::partial::two_sided;
 
     fn square(corner: DVec3, side: f64) -> Vec<DVec3> {
         vec![
@@ -98,14 +99,7 @@ mod tests {
     }
 
     fn lit(plates: &[Vec<DVec3>], direction: DVec3) -> f64 {
-        let occluders: Vec<Occluder<'_>> = plates
-            .iter()
-            .map(|corners| Occluder {
-                corners: corners.into(),
-                one_sided: false,
-                body: None,
-            })
-            .collect();
+        let occluders = two_sided(plates);
         lit_part(&square(DVec3::ZERO, 4.0), DVec3::Z, direction.normalize(), &occluders).area
     }
 
