@@ -47,6 +47,12 @@ impl<S: Simd, const N: usize> Wide<S, N> {
         T::with_widened(values, Self::of)
     }
 
+    /// Returns fewer numbers than [`LANES`], and zeros.
+    #[inline(always)]
+    pub(in crate::matrix) fn load_some<T: Scalar>(simd: S, values: &[T]) -> Self {
+        Self(T::widen_some(simd, values))
+    }
+
     #[inline(always)]
     pub(in crate::matrix) fn of(values: &Lanes) -> Self {
         let registers = S::as_simd_f64s(values).0;
@@ -159,6 +165,11 @@ pub(in crate::matrix) const fn ahead_byte(n_rows: usize) -> usize {
     if n_rows == 1 { 8192 } else { 2048 }
 }
 
+/// The length of a row in bytes below which nothing is prefetched: square matrices with shorter rows lie in the second-level cache.
+///
+/// There, asking for a line takes as long as reading it.
+const SHORT_BYTE: usize = 4096;
+
 /// Registers' worth of columns in a step: a cache line of f32.
 const STEP: usize = 2;
 
@@ -192,6 +203,7 @@ pub(in crate::matrix) fn dot<S: Simd, T: Scalar, const N: usize, const R: usize,
     let x_whole = x_split.map(|s| s.0.as_chunks::<STEP>());
     let (n_steps, n_rest) = (x_whole[0].0.len(), x_whole[0].1.len());
     let (steps, x_steps) = (whole.map(|w| &w.0[..n_steps]), x_whole.map(|w| &w.0[..n_steps]));
+    let is_short = n_columns * size_of::<T>() < SHORT_BYTE;
     let mut sums = [[Wide::<S, N>::zero(simd); C]; R];
     for k in 0..n_steps {
         unrolled!(s < STEP, {
@@ -200,7 +212,7 @@ pub(in crate::matrix) fn dot<S: Simd, T: Scalar, const N: usize, const R: usize,
                 x_s[c] = Wide::load(&x_steps[c][k][s]);
             }
             unrolled!(r < R, {
-                if (s * LANES * size_of::<T>()).is_multiple_of(LINE_BYTE) {
+                if !is_short && (s * LANES * size_of::<T>()).is_multiple_of(LINE_BYTE) {
                     prefetch(&steps[r][k][s], const { ahead_byte(R) / size_of::<T>() });
                 }
                 let a = Wide::load(&steps[r][k][s]);
@@ -221,11 +233,12 @@ pub(in crate::matrix) fn dot<S: Simd, T: Scalar, const N: usize, const R: usize,
     let mut totals = [[0.0; C]; R];
     for r in 0..R {
         for c in 0..C {
+            if !x_split[c].1.is_empty() {
+                let (a, x_rest) = (Wide::load_some(simd, split[r].1), Wide::load_some(simd, x_split[c].1));
+                sums[r][c] = sums[r][c].plus_product(simd, a, x_rest);
+            }
             let mut lanes = [0.0; LANES];
             sums[r][c].store(&mut lanes);
-            for (lane, (a, x_k)) in lanes.iter_mut().zip(split[r].1.iter().zip(x_split[c].1)) {
-                *lane = a.to_f64().mul_add(*x_k, *lane);
-            }
             totals[r][c] = total(&lanes);
         }
     }

@@ -9,6 +9,7 @@ use std::fmt::Debug;
 #[cfg(target_arch = "x86_64")]
 use std::{arch::x86_64::__m512, hint::black_box};
 
+use pulp::Simd;
 #[cfg(target_arch = "x86_64")]
 use pulp::{cast, x86::V4};
 
@@ -27,6 +28,8 @@ pub(in crate::matrix) trait Scalar: Copy + Send + Sync + Debug + 'static {
     fn to_f64(self) -> f64;
     /// Calls `then` with the numbers as f64; f64 numbers are not copied, since a copy would go through memory.
     fn with_widened<R>(numbers: &[Self; LANES], then: impl FnOnce(&Lanes) -> R) -> R;
+    /// Returns the first [`LANES`] numbers as f64 in N registers, with zeros in place of missing ones; not by way of memory.
+    fn widen_some<S: Simd, const N: usize>(simd: S, numbers: &[Self]) -> [S::f64s; N];
     /// Appends numbers as bytes of this machine.
     fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>);
     /// Returns the numbers that [`push_bytes`](Self::push_bytes) wrote.
@@ -48,6 +51,10 @@ impl Scalar for f64 {
     #[inline(always)]
     fn with_widened<R>(numbers: &[Self; LANES], then: impl FnOnce(&Lanes) -> R) -> R {
         then(numbers)
+    }
+    #[inline(always)]
+    fn widen_some<S: Simd, const N: usize>(simd: S, numbers: &[Self]) -> [S::f64s; N] {
+        std::array::from_fn(|k| simd.partial_load_f64s(numbers.get(k * S::F64_LANES..).unwrap_or_default()))
     }
     fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>) {
         bytes.reserve(size_of_val(numbers));
@@ -88,6 +95,18 @@ impl Scalar for f32 {
     #[inline(always)]
     fn with_widened<R>(numbers: &[Self; LANES], then: impl FnOnce(&Lanes) -> R) -> R {
         then(&numbers.map(f64::from))
+    }
+    #[inline(always)]
+    fn widen_some<S: Simd, const N: usize>(simd: S, numbers: &[Self]) -> [S::f64s; N] {
+        let mut eight = [0.0; LANES];
+        for (k, part) in eight.chunks_mut(S::F32_LANES).enumerate() {
+            let register = simd.partial_load_f32s(numbers.get(k * S::F32_LANES..).unwrap_or_default());
+            let values: &[Self] = pulp::bytemuck::cast_slice(std::slice::from_ref(&register));
+            part.copy_from_slice(&values[..part.len()]);
+        }
+        let widened = eight.map(f64::from);
+        let registers = S::as_simd_f64s(&widened).0;
+        std::array::from_fn(|k| registers[k])
     }
     fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>) {
         bytes.reserve(size_of_val(numbers));

@@ -365,41 +365,48 @@ struct Sweep<'a, T, const C: usize>(&'a BlockTile<T>, usize, usize, &'a [f64], &
 
 impl<T: Scalar, const C: usize> InnerLoop for Sweep<'_, T, C> {
     #[inline(always)]
-    fn run<S: Simd, const N: usize>(self, _: S) {
+    fn run<S: Simd, const N: usize>(self, simd: S) {
         #[cfg(target_arch = "x86_64")]
         if N == 1
             && let Some(with) = pulp::x86::V4::try_new()
         {
-            return self.add(WithV4::new(with));
+            return self.add::<S, N>(simd, WithV4::new(with));
         }
-        self.add(OneByOne);
+        self.add::<S, N>(simd, OneByOne);
     }
 }
 
 impl<T: Scalar, const C: usize> Sweep<'_, T, C> {
     /// Every sum is kept in as many partial sums as in [`Rows`], each channel as if it were alone; the rest of the diagonal's block comes last.
+    ///
+    /// Registers hold the channels of one column beside those of the next, as x does.
     #[inline(always)]
-    fn add(self, expander: impl Expander<T>) {
+    fn add<S: Simd, const N: usize>(self, simd: S, expander: impl Expander<T>) {
         let Self(tile, row, diagonal, x, sum, on_diagonal) = self;
         let rows = x.as_chunks::<C>().0;
         let (whole, rest) = rows.as_chunks::<STRIP>();
         let mut last = [[0.0; C]; STRIP];
         last[..rest.len()].copy_from_slice(rest);
         let (others, beside) = tile.parts_beside(row, diagonal);
-        let mut lanes = [[0.0; C]; STRIP];
+        let mut sums = [[Wide::<S, N>::zero(simd); C]; HALVES];
         for part in others {
-            // Sums of their own stay in registers while the blocks of a part are read.
-            let mut sums = lanes;
             part.for_each(expander, |number, a| {
-                let x_k = whole.get(number).unwrap_or(&last);
-                for (l, a) in a.as_flattened().iter().enumerate() {
+                let x_k = whole.get(number).unwrap_or(&last).as_flattened().as_chunks::<LANES>().0;
+                for h in 0..HALVES {
                     for c in 0..C {
-                        sums[l][c] = a.mul_add(x_k[l][c], sums[l][c]);
+                        let of_channels = std::array::from_fn(|l| a[h][(c * LANES + l) / C]);
+                        sums[h][c] = sums[h][c].plus_product(simd, Wide::of(&of_channels), Wide::of(&x_k[h * C + c]));
                     }
                 }
             });
-            lanes = sums;
         }
+        let mut stored = [[[0.0; LANES]; C]; HALVES];
+        for h in 0..HALVES {
+            for c in 0..C {
+                sums[h][c].store(&mut stored[h][c]);
+            }
+        }
+        let lanes = stored.as_flattened_mut().as_flattened_mut().as_chunks_mut::<C>().0;
         for (column, k) in beside.entries((0, 0)) {
             let a = beside.values[k].to_f64();
             if column == diagonal {
@@ -411,7 +418,7 @@ impl<T: Scalar, const C: usize> Sweep<'_, T, C> {
             }
         }
         for (c, sum) in sum.iter_mut().enumerate() {
-            *sum += total_of_halves(&lanes.map(|lane| lane[c]));
+            *sum += total_of_halves(&std::array::from_fn(|l| lanes[l][c]));
         }
     }
 }
