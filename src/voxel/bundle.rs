@@ -98,6 +98,9 @@ impl Bundle {
         direction: &Direction,
         mut meets: impl FnMut(u32, u32, bool) -> bool,
     ) {
+        if self.lines() == 0 {
+            return;
+        }
         let octant = direction.octant();
         let (padded, n_bricks) = (octree.padded_size(), octree.n_bricks());
         let cubes = octree.empty_cubes(octant);
