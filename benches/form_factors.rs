@@ -2,16 +2,15 @@
 //!
 //! After the move all factors are computed, or only those that can have changed.
 
-use std::hint::black_box;
-use std::sync::Once;
+mod timing;
 
-use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use radiosity::form_factor::{Before, Change, Computed, ExactMethod, FormFactorMethod, Input};
 use radiosity::matrix::{FormFactors, StorageChoice};
 use radiosity::mesh::{Mesh, Subdivision};
 use radiosity::progress::Silent;
 use radiosity::scene::{Motion, Names, Pose, Scene, builtin, topology};
 use radiosity::visibility::brute_force::BruteForce;
+use timing::{is_wanted, measure};
 
 struct Prepared {
     scene: Scene,
@@ -103,10 +102,8 @@ fn one_thread() -> rayon::ThreadPool {
     pool.expect("a thread")
 }
 
-fn exact(criterion: &mut Criterion) {
+fn exact() {
     let pool = one_thread();
-    let mut group = criterion.benchmark_group("exact");
-    group.sample_size(10);
     for (name, n, tolerance) in [
         ("cube", 13, 1e-6),
         ("room-box", 1, 1e-6),
@@ -116,31 +113,29 @@ fn exact(criterion: &mut Criterion) {
         ("room-box", 19, 1e-3),
     ] {
         let prepared = Prepared::new(name, n);
-        let id = format!("{name}, {} patches, {tolerance:e}", prepared.mesh.n_patches());
-        // The reference is computed once, and only if the benchmark runs: it takes longer than the measured work.
-        let once = Once::new();
-        group.bench_function(BenchmarkId::from_parameter(&id), |bencher| {
-            once.call_once(|| {
-                let error = greatest_row_error(&prepared.compute(tolerance), &prepared.compute(1e-9));
-                eprintln!("{id}: max_i sum_j |F_ij - exact| = {error:.1e}");
-            });
-            bencher.iter(|| pool.install(|| black_box(prepared.compute(tolerance))));
-        });
+        let id = format!("exact, {name}, {} patches, {tolerance:e}", prepared.mesh.n_patches());
+        if !is_wanted(&id) {
+            continue;
+        }
+        let error = greatest_row_error(&prepared.compute(tolerance), &prepared.compute(1e-9));
+        eprintln!("{id}: max_i sum_j |F_ij - exact| = {error:.1e}");
+        measure(&id, 1, || pool.install(|| prepared.compute(tolerance)));
     }
-    group.finish();
 }
 
 /// Measures the two ways after a move; their ratio is the saving by keeping factors, and the second includes the choice of these.
-fn moved(criterion: &mut Criterion) {
+fn moved() {
     let pool = one_thread();
-    let mut group = criterion.benchmark_group("exact after a move");
-    group.sample_size(10);
     let tolerance = 1e-5;
     for (name, prefix, n, translate) in [
         ("room-box", "box", 9, [0.1, 0.0, 0.0]),
         ("cornell-box", "short_block", 8, [0.02, 0.0, 0.0]),
     ] {
         let before = Prepared::new(name, n);
+        let id = format!("exact after a move, {name}, {} patches", before.mesh.n_patches());
+        if !is_wanted(&id) {
+            continue;
+        }
         let after = before.moved(prefix, translate);
         let known = before.compute(tolerance);
         let pairs = after
@@ -148,17 +143,17 @@ fn moved(criterion: &mut Criterion) {
             .pairs
             .expect("exact looks at pairs");
         let anew = pairs.full + pairs.hidden + pairs.partial;
-        let id = format!("{name}, {} patches", after.mesh.n_patches());
         eprintln!("{id}: {anew} of {} facing pairs anew", anew + pairs.kept);
-        group.bench_function(BenchmarkId::new("all anew", &id), |bencher| {
-            bencher.iter(|| pool.install(|| black_box(after.compute(tolerance))));
+        measure(&format!("{id}, all anew"), 1, || {
+            pool.install(|| after.compute(tolerance))
         });
-        group.bench_function(BenchmarkId::new("update", &id), |bencher| {
-            bencher.iter(|| pool.install(|| black_box(after.update(&before, &known, tolerance))));
+        measure(&format!("{id}, update"), 1, || {
+            pool.install(|| after.update(&before, &known, tolerance))
         });
     }
-    group.finish();
 }
 
-criterion_group!(benches, exact, moved);
-criterion_main!(benches);
+fn main() {
+    exact();
+    moved();
+}

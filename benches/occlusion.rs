@@ -1,12 +1,14 @@
 //! Benchmarks form factors behind occluders: a closed room with a floating box, all pairs of patches.
 
+mod timing;
+
 use std::hint::black_box;
 
-use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use glam::DVec3;
 use radiosity::form_factor::partial::{Accuracy, exchange_area};
 use radiosity::visibility::occluders::{OccluderId, OccluderIndex, PairVisibility};
 use shapes::{Polygon, cuboid, cut, scene_of};
+use timing::measure;
 
 #[path = "../tests/library/embree/scenes.rs"]
 #[allow(dead_code, reason = "made for rays; only the builder is used here")]
@@ -39,36 +41,28 @@ fn classify(index: &OccluderIndex, faces: &[Polygon], patches: &[Vec<Polygon>]) 
     partial
 }
 
-fn room_with_a_box(criterion: &mut Criterion) {
+fn main() {
     let mut faces = cuboid(DVec3::ZERO, DVec3::new(4.0, 5.0, 3.0), false);
     faces.extend(cuboid(DVec3::new(1.0, 1.5, 0.5), DVec3::new(2.2, 3.0, 1.7), true));
     let index = OccluderIndex::new(&scene_of(&faces));
-    let mut group = criterion.benchmark_group("room with a box");
-    group.sample_size(10);
     for n in [1, 3, 4] {
         let patches: Vec<Vec<Polygon>> = faces.iter().map(|face| cut(face, n, n)).collect();
         let n_patches = 12 * n * n;
-        group.bench_function(BenchmarkId::new("classify", n_patches), |bencher| {
-            bencher.iter(|| classify(&index, &faces, &patches));
+        measure(&format!("classify, {n_patches} patches"), 1, || {
+            classify(&index, &faces, &patches)
         });
         let pairs = classify(&index, &faces, &patches);
         for tolerance in [1e-4, 1e-6, 1e-8] {
-            let name = format!("{n_patches} patches, {} partial pairs", pairs.len());
-            group.bench_function(BenchmarkId::new(name, format!("{tolerance:e}")), |bencher| {
-                let accuracy = Accuracy {
-                    tolerance,
-                    budget: 10_000_000,
-                };
-                bencher.iter(|| {
-                    for (p, q, ids) in &pairs {
-                        black_box(exchange_area(p, q, &index.occluders(p, q, ids), accuracy));
-                    }
-                });
+            let name = format!("{n_patches} patches, {} partial pairs, {tolerance:e}", pairs.len());
+            let accuracy = Accuracy {
+                tolerance,
+                budget: 10_000_000,
+            };
+            measure(&name, 1, || {
+                for (p, q, ids) in &pairs {
+                    black_box(exchange_area(p, q, &index.occluders(p, q, ids), accuracy));
+                }
             });
         }
     }
-    group.finish();
 }
-
-criterion_group!(benches, room_with_a_box);
-criterion_main!(benches);

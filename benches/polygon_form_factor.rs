@@ -1,10 +1,12 @@
 //! Benchmarks exchange areas of polygon pairs, in time per pair: all pairs of patches of the cube, and one pair for each rule.
 
+mod timing;
+
 use std::hint::black_box;
 
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use radiosity::geometry::DVec3;
 use radiosity::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, contour, contour_extended, exchange_area};
+use timing::measure;
 
 /// Returns the inward-facing walls of the unit cube, n × n patches each, turned so that no edge is along an axis.
 fn cube(n: u32) -> [Vec<PreparedPolygon>; 6] {
@@ -44,25 +46,23 @@ fn sum_over_cube(walls: &[Vec<PreparedPolygon>; 6], tolerance: Tolerance) -> f64
     sum
 }
 
-fn cube_pairs(criterion: &mut Criterion) {
-    let mut group = criterion.benchmark_group("cube");
+fn cube_pairs() {
     let n = 13;
     let walls = cube(n);
-    group.throughput(Throughput::Elements(15 * u64::from(n).pow(4)));
-    group.sample_size(10);
+    let n_pairs = 15 * u64::from(n).pow(4);
     for (name, rel, abs) in [
         ("abs 1e-12", 0.0, 1e-12),
         ("abs 1e-14", 0.0, 1e-14),
         ("rel 1e-10", 1e-10, 0.0),
     ] {
         let tolerance = Tolerance { rel, abs };
-        group.bench_function(name, |b| b.iter(|| sum_over_cube(black_box(&walls), tolerance)));
+        measure(&format!("cube, {name}"), n_pairs, || {
+            sum_over_cube(black_box(&walls), tolerance)
+        });
     }
-    group.finish();
 }
 
-fn contours(criterion: &mut Criterion) {
-    let mut group = criterion.benchmark_group("contour");
+fn contours() {
     let triangle = [DVec3::ZERO, DVec3::X, DVec3::new(0.3, 0.8, 0.0)].map(|p| p + 0.1);
     let first = PreparedPolygon::new(&triangle);
     let meeting = [triangle[1], triangle[0], DVec3::new(0.6, 0.3, 0.7)];
@@ -73,12 +73,15 @@ fn contours(criterion: &mut Criterion) {
     ];
     for (name, corners) in [("shared edge", meeting), ("near", near)] {
         let second = PreparedPolygon::new(&corners);
-        group.bench_function(name, |b| b.iter(|| contour(black_box(&first), &second)));
-        let name = format!("{name}, extended");
-        group.bench_function(name, |b| b.iter(|| contour_extended(black_box(&first), &second)));
+        let name = format!("contour, {name}");
+        measure(&name, 1, || contour(black_box(&first), &second));
+        measure(&format!("{name}, extended"), 1, || {
+            contour_extended(black_box(&first), &second)
+        });
     }
-    group.finish();
 }
 
-criterion_group!(benches, cube_pairs, contours);
-criterion_main!(benches);
+fn main() {
+    cube_pairs();
+    contours();
+}

@@ -1,7 +1,6 @@
 //! Measures how fast rays are traced and their hits counted by face, beside a bare C loop and embree4-rs on the same rays.
 //!
-//! `cargo bench --bench rays` prints criterion's figures, and then a table of rates and ratios that were measured in
-//! turns, so that changes of the machine's speed affect all of a row.
+//! `cargo bench --bench rays` prints a table of rates and ratios that were measured in turns, so that changes of the machine's speed affect all of a row.
 #![expect(clippy::print_stdout, reason = "a table of rates is what a benchmark is for")]
 
 mod bare;
@@ -12,7 +11,6 @@ mod scenes;
 use std::hint::black_box;
 use std::time::Instant;
 
-use criterion::{BenchmarkId, Criterion, Throughput};
 use embree4_rs::geometry::TriangleMeshGeometry;
 use embree4_sys::{RTCBuildQuality, RTCRay, RTCSceneFlags};
 use glam::DVec3;
@@ -191,27 +189,6 @@ impl Contenders {
     }
 }
 
-fn benchmark(criterion: &mut Criterion, contenders: &Contenders, all_rays: &[Rays]) {
-    for rays in all_rays {
-        let mut group = criterion.benchmark_group(rays.name);
-        group.sample_size(10);
-        for n_threads in 1..=MAX_THREADS {
-            group.throughput(Throughput::Elements(
-                (n_threads * BATCHES_PER_THREAD * RAYS_PER_BATCH) as u64,
-            ));
-            for (name, who) in [
-                ("radiosity", Contender::Radiosity),
-                ("bare C loop", Contender::Bare),
-                ("embree4-rs", Contender::Embree4Rs),
-            ] {
-                group.bench_function(BenchmarkId::new(name, n_threads), |b| {
-                    b.iter(|| contenders.trace_on(who, rays, n_threads, 1));
-                });
-            }
-        }
-    }
-}
-
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
@@ -259,11 +236,5 @@ fn main() {
         let [ours, theirs] = [Contender::Radiosity, Contender::Bare].map(|who| contenders.trace(who, rays, 0, 1));
         assert_eq!(ours.iter().sum::<u32>(), theirs.iter().sum::<u32>(), "all hit as much");
     }
-    let mut criterion = Criterion::default().configure_from_args();
-    benchmark(&mut criterion, &contenders, &all_rays);
-    criterion.final_summary();
-    // The table is printed only with --bench: not with --list or --test.
-    if std::env::args().any(|argument| argument == "--bench") {
-        summarise(&contenders, &all_rays);
-    }
+    summarise(&contenders, &all_rays);
 }
