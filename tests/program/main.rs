@@ -6,6 +6,8 @@
 )]
 
 mod at_walls;
+#[path = "../support/cases.rs"]
+mod cases;
 mod exchange;
 mod experiments;
 mod files_out;

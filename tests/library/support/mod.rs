@@ -1,7 +1,11 @@
 //! Matrices, random numbers and a direct solver for the tests.
 
+#[path = "../../support/cases.rs"]
+mod cases;
 pub(crate) mod rooms;
 pub(crate) mod solving;
+
+pub(crate) use cases::n_cases;
 
 use std::path::PathBuf;
 use std::sync::LazyLock;
@@ -30,15 +34,6 @@ impl Uniform {
     /// Returns a number whose logarithm is uniform.
     pub(crate) fn scale(&mut self, low: f64, high: f64) -> f64 {
         self.between(low.ln(), high.ln()).exp()
-    }
-}
-
-/// Returns how many random cases a test takes: a few, or all where `ALL_CASES` is set, as CONTRIBUTING.md asks before a release.
-pub(crate) fn n_cases<N>(few: N, all: N) -> N {
-    if std::env::var_os("ALL_CASES").is_some() {
-        all
-    } else {
-        few
     }
 }
 
