@@ -380,10 +380,35 @@ pub(in crate::matrix) mod tests {
         values.iter().map(|value| value.to_bits()).collect()
     }
 
+    /// Instruction sets that [`run_on`] knows.
+    pub(in crate::matrix) const N_SETS: usize = 3;
+
+    /// Runs a loop as compiled for the best instruction set, for AVX2 where the processor has it, or for none.
+    pub(in crate::matrix) fn run_on(set: usize, inner_loop: impl InnerLoop) {
+        #[cfg(target_arch = "x86_64")]
+        if set == 1
+            && let Some(simd) = pulp::x86::V3::try_new()
+        {
+            return Simd::vectorize(simd, Widest(inner_loop));
+        }
+        if set == 0 {
+            dispatch(inner_loop);
+        } else {
+            Simd::vectorize(pulp::Scalar::new(), Widest(inner_loop));
+        }
+    }
+
     #[test]
     fn rows_are_the_same_bytes_with_every_instruction_set() {
-        for n in [1, 7, 8, 9, 63, 64, 65] {
-            let (n_rows, values) = (5, numbers(5 * n, 1));
+        check_rows::<f64>();
+        check_rows::<f32>();
+    }
+
+    fn check_rows<T: Scalar>() {
+        for n in (1..20).chain([63, 64, 65]) {
+            let n_rows = 5;
+            let stored: Vec<T> = numbers(n_rows * n, 1).into_iter().map(T::from_f64).collect();
+            let values: Vec<f64> = stored.iter().map(|value| value.to_f64()).collect();
             let x = Planes::of(&Block::from_values(numbers(3 * n, 2), 3));
             let planes = [x.channel(0), x.channel(1), x.channel(2)];
             let expected: Vec<f64> = values
@@ -391,15 +416,20 @@ pub(in crate::matrix) mod tests {
                 .flat_map(|row| planes.map(|plane| by_hand(row, plane)))
                 .collect();
             let mut y = vec![f64::NAN; 3 * n_rows];
-            multiply_rows(&values, n, &x, &mut y);
+            multiply_rows(&stored, n, &x, &mut y);
             assert_eq!(bits(&y), bits(&expected), "{n}");
-            y.fill(f64::NAN);
-            Widest(Rows(planes, &values, n, (0, 3), &mut y)).with_simd(pulp::Scalar::new());
-            assert_eq!(bits(&y), bits(&expected), "{n}");
+            for set in 0..N_SETS {
+                y.fill(f64::NAN);
+                run_on(set, Rows(planes, &stored, n, (0, 3), &mut y));
+                assert_eq!(bits(&y), bits(&expected), "{n}, {set}");
+                let mut sum = [0.0];
+                run_on(set, Single(&stored[..n], x.channel(0), &mut sum));
+                assert_eq!(bits(&sum), bits(&expected[..1]), "{n}, {set}");
+            }
             for n_channels in 1..=5 {
                 let x = numbers(n * n_channels, 3);
                 let mut sum = vec![0.0; n_channels];
-                add_row(&values[..n], &x, &mut sum);
+                add_row(&stored[..n], &x, &mut sum);
                 let channel = |c: usize| x.iter().skip(c).step_by(n_channels).copied().collect::<Vec<_>>();
                 let expected: Vec<f64> = (0..n_channels).map(|c| by_hand(&values[..n], &channel(c))).collect();
                 assert_eq!(bits(&sum), bits(&expected), "{n}, {n_channels} channels");

@@ -28,7 +28,7 @@ pub(in crate::matrix) trait Scalar: Copy + Send + Sync + Debug + 'static {
     fn to_f64(self) -> f64;
     /// Calls `then` with the numbers as f64; f64 numbers are not copied, since a copy would go through memory.
     fn with_widened<R>(numbers: &[Self; LANES], then: impl FnOnce(&Lanes) -> R) -> R;
-    /// Returns the first [`LANES`] numbers as f64 in N registers, with zeros in place of missing ones; not by way of memory.
+    /// Returns the first [`LANES`] numbers as f64 in N registers, with zeros in place of missing ones.
     fn widen_some<S: Simd, const N: usize>(simd: S, numbers: &[Self]) -> [S::f64s; N];
     /// Appends numbers as bytes of this machine.
     fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>);
@@ -54,7 +54,7 @@ impl Scalar for f64 {
     }
     #[inline(always)]
     fn widen_some<S: Simd, const N: usize>(simd: S, numbers: &[Self]) -> [S::f64s; N] {
-        std::array::from_fn(|k| simd.partial_load_f64s(numbers.get(k * S::F64_LANES..).unwrap_or_default()))
+        std::array::from_fn(|k| simd.partial_load_f64s(numbers.chunks(S::F64_LANES).nth(k).unwrap_or_default()))
     }
     fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>) {
         bytes.reserve(size_of_val(numbers));
@@ -100,7 +100,7 @@ impl Scalar for f32 {
     fn widen_some<S: Simd, const N: usize>(simd: S, numbers: &[Self]) -> [S::f64s; N] {
         let mut eight = [0.0; LANES];
         for (k, part) in eight.chunks_mut(S::F32_LANES).enumerate() {
-            let register = simd.partial_load_f32s(numbers.get(k * S::F32_LANES..).unwrap_or_default());
+            let register = simd.partial_load_f32s(numbers.chunks(S::F32_LANES).nth(k).unwrap_or_default());
             let values: &[Self] = pulp::bytemuck::cast_slice(std::slice::from_ref(&register));
             part.copy_from_slice(&values[..part.len()]);
         }

@@ -426,7 +426,7 @@ impl<T: Scalar, const C: usize> Sweep<'_, T, C> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::matrix::kernel::lanes::tests::{bits, numbers};
+    use crate::matrix::kernel::lanes::tests::{N_SETS, bits, numbers, run_on};
     use crate::matrix::tile::{Entry, RowTally};
 
     /// Columns: no whole number of blocks.
@@ -504,6 +504,20 @@ mod tests {
                     bits(&sums.collect::<Vec<_>>()),
                     "{i} {diagonal} {n_channels}"
                 );
+                if n_channels == 3 {
+                    for set in 0..N_SETS {
+                        let (mut of_set, mut found) = ([0.5; 3], 0.0);
+                        run_on(
+                            set,
+                            Sweep::<T, 3>(&tile, i, diagonal, x.values(), &mut of_set, &mut found),
+                        );
+                        assert_eq!(
+                            (bits(&of_set), found.to_bits()),
+                            (bits(&sum), expected.to_bits()),
+                            "{set}"
+                        );
+                    }
+                }
             }
         }
     }
