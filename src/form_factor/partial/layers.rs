@@ -82,6 +82,7 @@ const LOW: f64 = 0.1;
 /// Returns the cuts of a receiver for a low part of an occluder, given in the receiver's frame: below its edges, and across it at its corners.
 ///
 /// The hidden part is greatest there, within its own height; where the target is as near, no discontinuity line marks the position.
+/// Beside an edge that is too low for the points of a rule, strips as wide as their distance from it follow the view on its own scale: halving isotropic cells down to a strip of width w would take 1/w of them.
 pub(super) fn cuts(part: &[DVec3], diameter: f64) -> Vec<Event> {
     if part.len() < 3 || part.iter().any(|v| v.z > LOW * diameter) {
         return Vec::new();
@@ -96,13 +97,41 @@ pub(super) fn cuts(part: &[DVec3], diameter: f64) -> Vec<Event> {
         .iter()
         .max_by(|a, b| a[0].distance_squared(a[1]).total_cmp(&b[0].distance_squared(b[1])));
     let across = longest.map_or(DVec2::ZERO, |[a, b]| diameter * (*b - *a).normalize_or_zero().perp());
+    let next = part.iter().cycle().skip(1);
+    let beside = part.iter().zip(next).flat_map(|(a, b)| strips(*a, *b, diameter));
     let below = edges.iter().map(|&[from, to]| Event { from, to });
     let at_corners = part.iter().map(|v| Event {
         from: v.truncate() - across,
         to: v.truncate() + across,
     });
-    below.chain(at_corners).collect()
+    below.chain(at_corners).chain(beside).collect()
 }
+
+/// Returns the lines on both sides of an edge that bound strips, the first at half of its least height, each at twice the distance of the one before.
+fn strips(a: DVec3, b: DVec3, diameter: f64) -> Vec<Event> {
+    let (lowest, reach) = (a.z.min(b.z), INSET * diameter);
+    let [from, to] = [a.truncate(), b.truncate()];
+    let sideways = (to - from).normalize_or_zero().perp();
+    let mut lines = Vec::new();
+    // An edge that comes down to the plane has no scale.
+    if lowest <= THINNEST * diameter || lowest >= reach {
+        return lines;
+    }
+    let mut distance = 0.5 * lowest;
+    while distance < reach {
+        for offset in [distance * sideways, -distance * sideways] {
+            lines.push(Event {
+                from: from + offset,
+                to: to + offset,
+            });
+        }
+        distance *= 2.0;
+    }
+    lines
+}
+
+/// The least height of an edge that strips follow, as a fraction of the receiver's diameter: discontinuity lines are within 1e-9 of it.
+const THINNEST: f64 = 4e-9;
 
 /// The distance of the next step's points from the border, relative to that of the last.
 const STEP: f64 = 0.1;

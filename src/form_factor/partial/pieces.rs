@@ -17,14 +17,21 @@ pub(super) struct Piece {
     /// The integral of the part, visible or hidden, that is summed over all pieces of a receiver, m².
     integral: f64,
     error: f64,
+    /// How much of the error has the same sign in all pieces.
+    alike: f64,
 }
 
 impl Piece {
     /// Settles a cell; `base` is the part that is summed, `enough` the error allowed, by area.
     fn new(sight: &Sight, look: &Look, base: usize, enough: f64) -> Self {
         let shape = look.site.shape;
-        let [integral, error] = sight.settle(look, base, enough * shape.area());
-        Self { shape, integral, error }
+        let [integral, error, alike] = sight.settle(look, base, enough * shape.area());
+        Self {
+            shape,
+            integral,
+            error,
+            alike,
+        }
     }
 }
 
@@ -75,33 +82,37 @@ const SHRUNK: f64 = 1e-3;
 #[derive(Clone, Copy, Debug, Default)]
 struct Errors {
     sum: f64,
+    /// The sum of what has the same sign in all pieces.
+    alike: f64,
+    /// The sum of the squares of the rest.
     squares: f64,
 }
 
 impl Errors {
-    fn add(&mut self, error: f64) {
+    /// Adds the error of a piece, of which `alike` has the same sign in all pieces.
+    fn add(&mut self, error: f64, alike: f64) {
         self.sum += error;
-        self.squares += error * error;
+        self.alike += alike;
+        self.squares += (error - alike).powi(2);
     }
 
     /// Removes an error. Rounding is that of the largest sums so far: [`SHRUNK`] decides when to sum anew.
-    fn remove(&mut self, error: f64) {
+    fn remove(&mut self, error: f64, alike: f64) {
         self.sum -= error;
-        self.squares -= error * error;
+        self.alike -= alike;
+        self.squares -= (error - alike).powi(2);
     }
 
-    /// Returns the error of the sum: for few pieces the sum of their errors, for many twice the root of the sum of squares.
+    /// Returns the error of the sum: for few pieces the sum of their errors, for many what they have alike and twice the root of the sum of squares of the rest.
     ///
-    /// The signs of errors are independent between pieces. Where each is below half of its estimate, their sum is beyond this in at most 0.7 of 1,000 cases (Hoeffding's inequality).
+    /// The signs of the rest are independent between pieces. Where each is below half of its estimate, their sum is beyond this in at most 0.7 of 1,000 cases (Hoeffding's inequality).
     fn together(self) -> f64 {
-        self.sum.min(2.0 * self.squares.max(0.0).sqrt())
+        self.sum.min(self.alike.max(0.0) + 2.0 * self.squares.max(0.0).sqrt())
     }
-}
 
-impl FromIterator<f64> for Errors {
-    fn from_iter<I: IntoIterator<Item = f64>>(errors: I) -> Self {
+    fn of_pieces<'a>(pieces: impl IntoIterator<Item = &'a Piece>) -> Self {
         let mut all = Self::default();
-        errors.into_iter().for_each(|error| all.add(error));
+        pieces.into_iter().for_each(|piece| all.add(piece.error, piece.alike));
         all
     }
 }
@@ -124,7 +135,7 @@ impl Pieces {
             enough,
             unlisted,
             integral: queue.iter().map(|piece| piece.integral).sum(),
-            errors: queue.iter().map(|piece| piece.error).collect(),
+            errors: Errors::of_pieces(&queue),
             queue,
             n_evaluations,
             sight,
@@ -161,7 +172,7 @@ impl Pieces {
             let is_open = |pieces: &Self| pieces.error() > goal && pieces.errors.together() > least;
             let has_shrunk = self.errors.sum.is_nan() || self.errors.sum < SHRUNK * summed;
             if has_shrunk || !is_open(self) {
-                self.errors = self.queue.iter().map(|piece| piece.error).collect();
+                self.errors = Errors::of_pieces(&self.queue);
                 summed = self.errors.sum;
                 if !is_open(self) {
                     break;
@@ -179,11 +190,11 @@ impl Pieces {
             let change = parts.iter().map(|part| part.integral).sum::<f64>() - worst.integral;
             let excess = change.abs() / worst.error;
             self.integral += change;
-            self.errors.remove(worst.error);
+            self.errors.remove(worst.error, worst.alike);
             for part in &mut parts {
                 let own = &mut part.error;
                 *own = own.max((*own * excess).min(0.5 * change.abs()));
-                self.errors.add(*own);
+                self.errors.add(*own, part.alike);
             }
             self.queue.extend(parts);
         }
@@ -208,7 +219,7 @@ impl Pieces {
         let mut pieces: Vec<&Piece> = self.queue.iter().collect();
         pieces.sort_unstable(); // the small ones first, for the sake of the sums
         let integral = pieces.iter().map(|piece| piece.integral).sum();
-        let errors: Errors = pieces.iter().map(|piece| piece.error).collect();
+        let errors = Errors::of_pieces(pieces.iter().copied());
         let found = self.exchange_area(integral, errors.together());
         Partial {
             exchange_area: found.area,
@@ -226,7 +237,7 @@ pub(super) fn sum_uncut(looks: impl Iterator<Item = Look>, whole: Whole, unseen:
     for look in looks {
         for part in [VISIBLE, HIDDEN] {
             integrals[part] += look.estimate.integral[part];
-            errors[part].add(look.estimate.error[part]);
+            errors[part].add(look.estimate.error[part], 0.0);
         }
         n_evaluations += look.estimate.n_evaluations;
     }

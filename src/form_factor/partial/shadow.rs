@@ -140,9 +140,12 @@ impl Shadows {
     pub(super) fn new(receiver: &Receiver, target: &[DVec3], occluders: &[Occluder<'_>]) -> Self {
         let middle = target[0] + target.iter().map(|&v| v - target[0]).sum::<DVec3>() / target.len() as f64;
         let bodies = bodies::of(occluders);
+        let ground = Flat::with_normal(&receiver.corners, receiver.normal);
+        let height = |v: DVec3| ground.snapped_height(v, EDGE_ON);
         let mut casters: Vec<(&[DVec3], Caster)> = occluders
             .iter()
             .filter(|occluder| occluder.body.is_none_or(|body| !bodies.contains(&body)))
+            .filter(|occluder| occluder.corners.iter().any(|&v| height(v) > 0.0))
             .filter_map(|occluder| {
                 let (corners, one_sided) = (&*occluder.corners, occluder.one_sided);
                 let plane = Flat::of(corners);
@@ -162,7 +165,11 @@ impl Shadows {
                     _ => Place::Both,
                 };
                 let starts = std::iter::once(&corners[corners.len() - 1]).chain(corners);
-                let edges = starts.zip(corners).map(|(&from, &to)| Side {
+                // Through an edge in the receiver's plane and a point there goes that plane alone, with the rest of the caster and all of the target in front; close to the edge rounding would say anything.
+                let edges = starts
+                    .zip(corners)
+                    .filter(|&(&a, &b)| height(a).abs() > 0.0 || height(b).abs() > 0.0);
+                let edges = edges.map(|(&from, &to)| Side {
                     from,
                     along: to - from,
                     length: (to - from).abs().element_sum(),

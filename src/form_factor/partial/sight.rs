@@ -175,19 +175,22 @@ impl Sight {
     }
 
     /// Returns the error of discontinuity lines that are missed by `margin`: its square, unless the view changes within as little.
+    ///
+    /// Beside an edge of height h rounding of a point by ε turns the plane through both by ε/h: as far as the receiver reaches, the view is off by that, or by all that a layer of width h holds.
     pub(super) fn error_within(&self, margin: f64) -> f64 {
-        if self.low_edges.lowest() > margin {
+        let lowest = self.low_edges.lowest();
+        if lowest.is_infinite() {
             return 0.0;
         }
-        let next = self.receiver.corners.iter().cycle().skip(1);
-        let perimeter: f64 = self
-            .receiver
-            .corners
-            .iter()
-            .zip(next)
-            .map(|(a, b)| a.distance(*b))
-            .sum();
-        margin * perimeter
+        let corners = &self.receiver.corners;
+        let next = corners.iter().cycle().skip(1);
+        let perimeter: f64 = corners.iter().zip(next).map(|(a, b)| a.distance(*b)).sum();
+        let (low, high) = super::bounds(corners);
+        let rounding = 4.0 * f64::EPSILON * low.abs().max(high.abs()).max_element();
+        perimeter
+            * (rounding * low.distance(high) / lowest)
+                .min(lowest)
+                .max(if lowest > margin { 0.0 } else { margin })
     }
 
     /// Evaluates a cell at the points of a rule.
@@ -212,11 +215,13 @@ impl Sight {
             }
         }
         let has_curves = site.may_open && is_any_visible && self.shadows.several_hide();
+        let mut layers = [0.0; 2];
         if !self.low_edges.is_empty() {
             let low_edges = std::mem::take(&mut self.low_edges);
             for corners in shape.triangles() {
                 let (error, n_evaluations) = low_edges.error(corners, |point| self.at(point, &mut shares));
                 estimate.error = [0, 1].map(|part| estimate.error[part] + error[part]);
+                layers = [0, 1].map(|part| layers[part] + error[part]);
                 estimate.n_evaluations += n_evaluations;
             }
             self.low_edges = low_edges;
@@ -224,6 +229,7 @@ impl Sight {
         Look {
             site,
             estimate,
+            layers,
             shares,
             has_curves,
         }
@@ -305,21 +311,23 @@ impl Sight {
         Whole::between(&cell, &target, tolerance)
     }
 
-    /// Returns the integral of the part `base`, which is summed, over a cell, from whichever part is known better, and its error; `enough` is the error allowed.
+    /// Returns the integral of the part `base`, which is summed, over a cell, from whichever part is known better, its error, and how much of the error has the same sign in all cells;
+    /// `enough` is the error allowed.
     ///
     /// In a near cell the same points integrate F₀ too, whose integral is known: this part may miss as much as the points miss of F₀, or may miss of the other part,
-    /// in proportion to its share of F₀.
-    pub(super) fn settle(&self, look: &Look, base: usize, enough: f64) -> [f64; 2] {
+    /// in proportion to its share of F₀. Cells in a row along an edge miss the same, so that these errors do not cancel.
+    pub(super) fn settle(&self, look: &Look, base: usize, enough: f64) -> [f64; 3] {
         let &Look {
             site: Site { shape, .. },
             ref estimate,
+            layers,
             shares,
             ..
         } = look;
         let other = 1 - base;
         let is_other = estimate.error[base] > enough && estimate.error[other] < BETTER * estimate.error[base];
         let part = if is_other { other } else { base };
-        let (mut integral, mut error) = (estimate.integral[part], estimate.error[part]);
+        let (mut integral, mut error, mut alike) = (estimate.integral[part], estimate.error[part], layers[part]);
         // Past bodies whose lines are not listed, a part has no error only if that is proved.
         let knows_shape = self.is_whole || !self.unlisted.is_empty();
         let is_certain = integral.max(error) <= 0.0 && knows_shape;
@@ -333,7 +341,9 @@ impl Sight {
                 } else {
                     1.0
                 };
-                error += share * missed.abs().max(estimate.error[1 - part]);
+                let unseen = share * missed.abs().max(estimate.error[1 - part]);
+                error += unseen;
+                alike += unseen;
             }
             integral = integral.min(whole.area);
             error = whole.bounded(integral, error);
@@ -342,7 +352,7 @@ impl Sight {
                 error += whole.error;
             }
         }
-        [integral, error]
+        [integral, error, alike.min(error)]
     }
 }
 
@@ -380,6 +390,8 @@ pub(super) struct Site {
 pub(super) struct Look {
     pub(super) site: Site,
     pub(super) estimate: Estimate,
+    /// The share of its errors that stands for layers along the border of the cell.
+    layers: Parts,
     /// In a near cell, the largest shares of F₀ that the parts have on these points.
     shares: Option<Parts>,
     /// Whether the points see a part of the target, and several bodies before the rest of it, whose edges may cross in views.
