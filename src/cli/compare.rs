@@ -83,7 +83,7 @@ pub(super) fn run(args: &CompareArgs) -> Result<Outcome, Failure> {
     );
     let mut document = run.typed_document(of_scene);
     let mut files = subject.files(&parts, &report)?;
-    output::add_page(&mut files, &report, &run.cx.settings);
+    output::add_page(&mut files, &[], &report, &run.cx.settings);
     let names = files.iter().map(|(file, _)| file.clone());
     document.result.result.files = names.chain(["results.json".to_owned()]).collect();
     let document = in_order(&document);

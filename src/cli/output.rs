@@ -28,7 +28,9 @@ pub(super) fn make_directory(path: &Path) -> Result<(), Failure> {
 }
 
 /// Adds `index.html`: a report with the plots and images among `files`, and the settings; like the report it shows times.
-pub(super) fn add_page(files: &mut Files, report: &str, settings: &Settings) {
+///
+/// Each of `captions` is the name of an image and what it shows.
+pub(super) fn add_page(files: &mut Files, captions: &[(String, String)], report: &str, settings: &Settings) {
     let title = report.lines().next().unwrap_or_default().trim_start_matches('#').trim();
     // A plot that is also there as PNG is shown once.
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
@@ -37,11 +39,19 @@ pub(super) fn add_page(files: &mut Files, report: &str, settings: &Settings) {
         Some((stem, "png")) => !names.contains(&format!("{stem}.svg").as_str()),
         _ => false,
     };
-    let figures = files.iter().filter(|(name, _)| is_shown(name));
+    let shown = files.iter().filter(|(name, _)| is_shown(name));
+    let figures = shown.map(|(name, content)| Figure {
+        name,
+        content,
+        caption: captions
+            .iter()
+            .find(|(of, _)| of == name)
+            .map(|(_, text)| text.as_str()),
+    });
     let page = Page {
         title,
         report,
-        figures: figures.map(|(name, content)| Figure { name, content }).collect(),
+        figures: figures.collect(),
         settings: &settings.record().into(),
         machine: &Machine::here(),
     };

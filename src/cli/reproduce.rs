@@ -111,7 +111,7 @@ fn crater(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     let cx = &mut reproduction.run.cx;
     cx.settings.level = Some(level);
     let results = cx.time("reproduce", || crater::reproduce(level, &cx.progress()))?;
-    reproduction.finish(results.findings())
+    reproduction.finish(results.findings()?)
 }
 
 /// Returns the level of a reproduction that has levels alone; `why` names it in the error about other flags.

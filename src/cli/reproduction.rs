@@ -35,7 +35,7 @@ impl Reproduction {
     pub(super) fn finish(self, findings: Findings<impl Serialize>) -> Result<Outcome, Failure> {
         let (printed, mut files) = (findings.printed, findings.files);
         self.run.bars.finish();
-        output::add_page(&mut files, &printed, &self.run.cx.settings);
+        output::add_page(&mut files, &findings.captions, &printed, &self.run.cx.settings);
         let (names, written) = output::write_all(&self.directory, &files)?;
         if let Some(wrong) = &findings.wrong {
             self.run.warn(wrong);

@@ -17,6 +17,7 @@ use crate::heat::{Boundary, Condition, STEFAN_BOLTZMANN, Sun, SurfaceBoundary};
 use crate::matrix::Need;
 use crate::mesh::Subdivision;
 use crate::progress::Progress;
+use crate::report::curves::{Curve, CurvePlot};
 use crate::report::{Machine, Table, table};
 use crate::scene::builtin;
 use crate::workflow::{Context, FormFactorRequest, Model, SolveRequest, Use};
@@ -201,12 +202,15 @@ fn checks(runs: &[CraterRun]) -> Vec<Check> {
 
 impl CraterResults {
     /// Returns the report, files and document.
-    #[must_use]
-    pub fn findings(&self) -> Findings<PaperDocument<'_, Self, Vec<f64>>> {
+    ///
+    /// # Errors
+    /// [`ExperimentError::Plot`].
+    pub fn findings(&self) -> Result<Findings<PaperDocument<'_, Self, Vec<f64>>>, ExperimentError> {
         let inside = self.checks.iter().all(|check| check.is_met);
-        Findings {
+        Ok(Findings {
             printed: self.report(),
-            files: self.files(),
+            files: self.files()?,
+            captions: Vec::new(),
             document: PaperDocument {
                 machine: Machine::here(),
                 inside,
@@ -214,22 +218,51 @@ impl CraterResults {
                 times: self.times_s.clone(),
             },
             wrong: (!inside).then(|| FAILED.to_owned()),
+        })
+    }
+
+    fn files(&self) -> Result<Files, ExperimentError> {
+        Ok(vec![
+            text_file("report.md", self.report()),
+            text_file("crater.csv", self.table().to_csv()),
+            text_file("deviation.svg", self.deviations().to_svg()?),
+        ])
+    }
+
+    fn deviations(&self) -> CurvePlot {
+        let curve = |(style, height): (usize, f64)| {
+            let own = self
+                .runs
+                .iter()
+                .filter(|run| run.height_deg.to_bits() == height.to_bits());
+            Curve {
+                name: format!("sun at {height}°"),
+                style,
+                points: own.map(|run| (run.n_faces as f64, run.deviation())).collect(),
+            }
+        };
+        CurvePlot {
+            title: "Temperature of the shadow: deviation from the closed form".to_owned(),
+            subtitle: "mean of all faces that lie wholly in the shadow".to_owned(),
+            x_label: "number of faces".to_owned(),
+            y_label: "relative deviation of the temperature".to_owned(),
+            log_x: true,
+            log_y: true,
+            marked: true,
+            curves: HEIGHTS_DEG.into_iter().enumerate().map(curve).collect(),
         }
     }
 
-    fn files(&self) -> Files {
-        vec![
-            text_file("report.md", self.report()),
-            text_file("crater.csv", self.table().to_csv()),
-        ]
-    }
-
     fn report(&self) -> String {
+        let checks = if self.checks.is_empty() {
+            "None: a check compares two levels, and this run has one.\n".to_owned()
+        } else {
+            Check::table(&self.checks, 3).to_markdown()
+        };
         format!(
             "# The shadow in a bowl-shaped crater\n\nA spherical cap of 4 m across and 1 m deep with an emissivity of {EMISSIVITY} and a solar absorptance of {ABSORPTANCE}, in a sun of {SUN} W/m²: \
-             the mean temperature of all faces that lie wholly in the shadow, beside the closed form of Ingersoll, Svitek and Murray (1992).\n\n{}\n## Checks\n\n{}",
+             the mean temperature of all faces that lie wholly in the shadow, beside the closed form of Ingersoll, Svitek and Murray (1992).\n\n{}\n## Checks\n\n{checks}",
             self.table().to_markdown(),
-            Check::table(&self.checks, 3).to_markdown()
         )
     }
 

@@ -26,6 +26,8 @@ pub struct Findings<D> {
     pub printed: String,
     /// The files.
     pub files: Files,
+    /// What images among the files show: a name and a sentence each.
+    pub captions: Vec<(String, String)>,
     /// Its part of the JSON document.
     pub document: D,
     /// The warning if a figure of ours fails its check.
@@ -64,8 +66,8 @@ impl Check {
         table! { check in checks;
             "check": check.name,
             "value": format!("{:.n_decimals$}", check.value),
-            "least": check.range[0].to_string(),
-            "greatest": check.range[1].to_string(),
+            "least": format!("{:.n_decimals$}", check.range[0]),
+            "greatest": format!("{:.n_decimals$}", check.range[1]),
             "met": if check.is_met { "yes" } else { "NO" },
         }
     }

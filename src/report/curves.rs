@@ -16,7 +16,7 @@ use super::mark::mark;
 pub struct Curve {
     /// Its name in the legend.
     pub name: String,
-    /// The number of its colour and mark: equal numbers look alike in all plots, and the first 91 differ; from 7 on lines are thin.
+    /// The number of its colour and mark: equal numbers look alike in all plots, and the first 112 differ; from 7 on lines are thin.
     pub style: usize,
     /// Its points, from left to right.
     pub points: Vec<(f64, f64)>,

@@ -60,7 +60,7 @@ pub(super) struct Legend<'a> {
     y: i32,
 }
 
-/// Makes an SVG of the drawing by `draw`, with a sentence that describes it; equal input gives equal bytes.
+/// Makes an SVG of the drawing by `draw`, with the title and a sentence as its description; equal input gives equal bytes.
 ///
 /// Text is laid out in DejaVu Sans.
 pub(super) fn to_svg(
@@ -72,7 +72,7 @@ pub(super) fn to_svg(
     let mut svg = String::new();
     let paper = Paper::Svg(SVGBackend::with_string(&mut svg, (WIDTH, HEIGHT)));
     let notes = on_paper(paper, title, subtitle, draw)?;
-    Ok(with_notes(&svg, description, &notes))
+    Ok(with_notes(&svg, &format!("{title}. {description}"), &notes))
 }
 
 /// Makes a PNG of the drawing by `draw`, with the layout of [`to_svg`], two pixels to its unit of length.

@@ -48,8 +48,10 @@ const STAR: Corners = &[
     (-2, -2),
 ];
 
-/// The shapes, one for each method; their number and that of the colours have no common factor, so 91 pairs differ.
-const SHAPES: [Shape; 13] = [
+const HOURGLASS: Corners = &[(-5, -5), (5, -5), (-5, 5), (5, 5)];
+
+/// The shapes, one for each method or solver of a page; their number and that of the colours have no common factor, so 112 pairs differ.
+const SHAPES: [Shape; 16] = [
     Shape::Disc,
     Shape::Square,
     Shape::Filled(UP),
@@ -63,6 +65,9 @@ const SHAPES: [Shape; 13] = [
     Shape::Outline(DIAMOND),
     Shape::Outline(DOWN),
     Shape::Filled(STAR),
+    Shape::Outline(STAR),
+    Shape::Filled(HOURGLASS),
+    Shape::Strokes(&[&[(0, -6), (0, 6)], &[(-5, -3), (5, 3)], &[(-5, 3), (5, -3)]]),
 ];
 
 /// The width of the lines of a shape.
@@ -134,14 +139,14 @@ mod tests {
 
     #[test]
     fn no_two_methods_or_solvers_look_alike() {
-        let marks: BTreeSet<String> = (0..91).map(inline).collect();
-        assert_eq!(marks.len(), 91);
-        // Even without their colours, the first thirteen differ.
+        let marks: BTreeSet<String> = (0..112).map(inline).collect();
+        assert_eq!(marks.len(), 112);
+        // Even without their colours, the first sixteen differ.
         let shapes = (0..SHAPES.len()).map(|style| {
             let RGBColor(r, g, b) = colour(style);
             inline(style).replace(&format!("#{r:02X}{g:02X}{b:02X}"), "")
         });
-        assert_eq!(shapes.collect::<BTreeSet<_>>().len(), 13);
-        assert_eq!(inline(0), inline(91));
+        assert_eq!(shapes.collect::<BTreeSet<_>>().len(), 16);
+        assert_eq!(inline(0), inline(112));
     }
 }

@@ -1,22 +1,25 @@
 // Sorts the tables of a report: a header's button sorts by its column, and once more in the other order.
 "use strict";
 
-// Returns the text before the first number of a cell, and that number.
+// Returns the parts of a cell, text and numbers in turn; none of a cell without a value.
 function key(row, column) {
-  const text = row.cells[column].textContent.trim().replace("−", "-");
-  const found = text.match(/^(.*?)(-?\d[\d.]*(?:e[-+]?\d+)?)/i);
-  return found ? [found[1], Number(found[2])] : [text, NaN];
+  const text = row.cells[column].textContent.trim().replaceAll("−", "-");
+  const parts = text.split(/((?:(?<!\w)-)?\d+(?:\.\d+)?(?:e[-+]?\d+)?)/i);
+  return text === "" || text === "–" ? [] : parts;
 }
 
-// Compares two keys: cells without text come last in either order.
-function compare([textA, a], [textB, b], sign) {
-  const empty = (text, number) => text === "" && Number.isNaN(number);
-  if (empty(textA, a) || empty(textB, b)) {
-    return empty(textA, a) - empty(textB, b);
+// Compares two keys: cells without a value come last in either order.
+function compare(a, b, sign) {
+  if (a.length === 0 || b.length === 0) {
+    return (a.length === 0) - (b.length === 0);
   }
-  const byText = textA.localeCompare(textB);
-  const byNumber = Number.isNaN(a) || Number.isNaN(b) ? Number.isNaN(a) - Number.isNaN(b) : a - b;
-  return sign * (byText || byNumber);
+  for (let k = 0; k < Math.min(a.length, b.length); k++) {
+    const order = k % 2 === 1 ? a[k] - b[k] : a[k].localeCompare(b[k]);
+    if (order !== 0) {
+      return sign * order;
+    }
+  }
+  return sign * (a.length - b.length);
 }
 
 function sort(header) {

@@ -17,6 +17,8 @@ pub struct Figure<'a> {
     pub name: &'a str,
     /// The content of that file.
     pub content: &'a [u8],
+    /// What an image shows, as a sentence; a plot has its own description.
+    pub caption: Option<&'a str>,
 }
 
 /// A page.
@@ -26,7 +28,7 @@ pub struct Page<'a> {
     pub title: &'a str,
     /// The text in Markdown with tables (GitHub's dialect); HTML in it is shown literally.
     pub report: &'a str,
-    /// The plots and images, shown before the first section of the text.
+    /// The plots and images, shown before the first section or table of the text.
     pub figures: Vec<Figure<'a>>,
     /// The program and its settings.
     pub settings: &'a Value,
@@ -36,6 +38,9 @@ pub struct Page<'a> {
 
 /// The policy against loading: a browser that honours it sends no request, and runs no script but [`SCRIPT`].
 const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; script-src";
+
+/// The number of columns from which a table is printed across the paper.
+const MIN_BROAD: usize = 13;
 
 const STYLE: &str = include_str!("page.css");
 /// The script that sorts tables; the page is complete without it.
@@ -60,17 +65,25 @@ impl Page<'_> {
              <title>{title}</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n<main>\n"
         );
         let report = self.report_body();
-        let (introduction, sections) = report.split_at(report.find("<h2>").unwrap_or(report.len()));
+        let starts = ["<h2>", "<div class=\"wide"].map(|part| report.find(part));
+        let start = starts.into_iter().flatten().min().unwrap_or(report.len());
+        let (introduction, sections) = report.split_at(start);
         page.push_str(introduction);
-        if !self.figures.is_empty() {
-            page.push_str("<h2>Figures</h2>\n");
+        let has_figures = !self.figures.is_empty();
+        if has_figures {
+            page.push_str("<h2>Figures</h2>\n<p><a href=\"#tables\">Skip to the tables</a></p>\n");
         }
         push_key(&mut page, &self.marks());
         for figure in &self.figures {
             push_figure(&mut page, figure);
         }
+        page.push_str("<div id=\"tables\">\n");
+        if has_figures && sections.starts_with("<div") {
+            page.push_str("<h2>Table</h2>\n");
+        }
         page.push_str(sections);
         self.push_origin(&mut page);
+        page.push_str("</div>\n");
         let _ = write!(page, "</main>\n<script>{SCRIPT}</script>\n</body>\n</html>\n");
         page
     }
@@ -104,21 +117,30 @@ impl Page<'_> {
             Event::Start(Tag::Image { .. }) | Event::End(TagEnd::Image) => Event::Text("".into()),
             other => other,
         });
-        let (mut is_head, mut is_cell) = (false, false);
+        let (mut is_head, mut is_cell, mut is_heading) = (false, false, false);
+        let mut heading = String::new();
         let with_marks = as_text.flat_map(|event| {
             match &event {
                 Event::Start(Tag::TableHead) => is_head = true,
                 Event::End(TagEnd::TableHead) => is_head = false,
                 Event::Start(Tag::TableCell) => is_cell = true,
                 Event::End(TagEnd::TableCell) => is_cell = false,
+                Event::Start(Tag::Heading { .. }) => {
+                    is_heading = true;
+                    heading.clear();
+                }
+                Event::End(TagEnd::Heading(_)) => is_heading = false,
+                Event::Text(text) | Event::Code(text) if is_heading => heading.push_str(text),
                 _ => {}
             }
             let markup = |text: String| Event::InlineHtml(CowStr::from(text));
             let (before, after) = match &event {
+                Event::Start(Tag::Table(columns)) => (Some(markup(region(&heading, columns.len()))), None),
+                Event::End(TagEnd::Table) => (None, Some(markup("</div>\n".to_owned()))),
                 Event::Start(Tag::TableCell) if is_head => (None, Some(markup("<button type=\"button\">".to_owned()))),
                 Event::End(TagEnd::TableCell) if is_head => (Some(markup("</button>".to_owned())), None),
                 // A setting may follow the name in brackets.
-                Event::Text(text) if is_cell && !is_head => {
+                Event::Text(text) if is_cell => {
                     let name = escaped(text.split(" (").next().unwrap_or_default());
                     let own = marks.iter().find(|(known, _)| *known == name);
                     (own.map(|(_, style)| markup(mark::inline(*style))), None)
@@ -131,11 +153,6 @@ impl Page<'_> {
         html::push_html(&mut body, with_marks);
         body.replace("<th ", "<th scope=\"col\" ")
             .replace("<th>", "<th scope=\"col\">")
-            .replace(
-                "<table>",
-                "<div class=\"wide\" role=\"region\" aria-label=\"table\" tabindex=\"0\"><table>",
-            )
-            .replace("</table>", "</table></div>")
     }
 
     /// Adds the program, its settings and the machine.
@@ -165,6 +182,13 @@ impl Page<'_> {
     }
 }
 
+/// Returns the start of the part that scrolls with a table, named after the heading above.
+fn region(heading: &str, n_columns: usize) -> String {
+    let class = if n_columns < MIN_BROAD { "wide" } else { "wide broad" };
+    let name = escaped(heading);
+    format!("<div class=\"{class}\" role=\"region\" aria-label=\"Table: {name}\" tabindex=\"0\">")
+}
+
 /// Adds the list of marks, as a narrow screen does not show the legend of a plot.
 fn push_key(page: &mut String, marks: &[(&str, usize)]) {
     if marks.is_empty() {
@@ -183,18 +207,25 @@ fn push_figure(page: &mut String, figure: &Figure<'_>) {
     let words = words_of(&name);
     page.push_str("<figure>\n");
     let sentence = if let Some(plot) = svg(figure) {
-        let labelled = format!("<svg role=\"img\" aria-label=\"{words}\"");
+        let description = between(plot, "<desc>", "</desc>").unwrap_or_default();
+        let label = if description.is_empty() { &words } else { description };
+        let label = label.replace('"', "&quot;");
+        let labelled = format!("<svg role=\"img\" aria-label=\"{label}\"");
         let _ = writeln!(
             page,
-            "<div class=\"wide\" role=\"region\" aria-label=\"{words}\" tabindex=\"0\">{}</div>",
+            "<div class=\"wide\" role=\"region\" aria-label=\"{label}\" tabindex=\"0\">{}</div>",
             plot.replacen("<svg", &labelled, 1)
         );
-        let description = between(plot, "<desc>", "</desc>").unwrap_or_default();
         format!("{description} The file is <code>{name}</code>.")
     } else {
         let data = BASE64_STANDARD.encode(figure.content);
-        let _ = writeln!(page, "<img alt=\"{words}\" src=\"data:image/png;base64,{data}\">");
-        format!("{words} is the image in <code>{name}</code>.")
+        let caption = figure.caption.map(escaped);
+        let alt = caption.as_ref().unwrap_or(&words);
+        let _ = writeln!(page, "<img alt=\"{alt}\" src=\"data:image/png;base64,{data}\">");
+        match &caption {
+            Some(caption) => format!("{caption} The file is <code>{name}</code>."),
+            None => format!("{words} is the image in <code>{name}</code>."),
+        }
     };
     let _ = writeln!(page, "<figcaption>{}</figcaption>\n</figure>", sentence.trim());
 }
@@ -283,6 +314,7 @@ mod tests {
         let figure = Figure {
             name: "a.png",
             content: b"\x89PNG",
+            caption: Some("A \"room\"."),
         };
         let html = page("# Head\n\nFirst words.\n\n## Section\n\nMore.\n", vec![figure]);
         let places = [
@@ -294,6 +326,42 @@ mod tests {
         ];
         let places = places.map(|part| html.find(part).unwrap_or_else(|| panic!("{part}: {html}")));
         assert!(places.is_sorted(), "{places:?}");
+        assert!(html.contains("<img alt=\"A &quot;room&quot;.\" src"), "{html}");
+        assert!(html.contains("<figcaption>A &quot;room&quot;. The file is <code>a.png</code>.</figcaption>"));
+    }
+
+    #[test]
+    fn figures_come_before_a_table_without_a_section() {
+        let figure = Figure {
+            name: "a.svg",
+            content: b"<svg width=\"1\"></svg>",
+            caption: None,
+        };
+        let html = page("# Head\n\nFirst words.\n\n| a |\n|---|\n| 1 |\n", vec![figure]);
+        let places = [
+            "First words",
+            "<figure>",
+            "<div id=\"tables\">",
+            "<h2>Table</h2>",
+            "<td>1</td>",
+        ];
+        let places = places.map(|part| html.find(part).unwrap_or_else(|| panic!("{part}: {html}")));
+        assert!(places.is_sorted(), "{places:?}");
+    }
+
+    #[test]
+    fn tables_are_named_after_their_headings_and_broad_ones_are_marked() {
+        let row = |cell: &str| format!("{}|\n", format!("| {cell} ").repeat(MIN_BROAD));
+        let broad = [row("a"), row("---"), row("1")].concat();
+        let narrow = "| a |\n|---|\n| 1 |\n";
+        let html = page(&format!("# Head\n\n{narrow}\n## `a` < \"b\"\n\n{broad}"), Vec::new());
+        for part in [
+            "<div class=\"wide\" role=\"region\" aria-label=\"Table: Head\" tabindex=\"0\"><table>",
+            "<div class=\"wide broad\" role=\"region\" aria-label=\"Table: a &lt; &quot;b&quot;\" tabindex=\"0\"><table>",
+        ] {
+            assert!(html.contains(part), "{part}: {html}");
+        }
+        assert_eq!(html.matches("<div").count(), html.matches("</div>").count());
     }
 
     #[test]
@@ -309,6 +377,7 @@ mod tests {
         let figures = plots.iter().map(|(name, content)| Figure {
             name,
             content: content.as_bytes(),
+            caption: None,
         });
         let report = "# Head\n\n| method | sr |\n|---|---|\n| sr | sr (64 rays) |\n| exact | other |\n";
         let html = page(report, figures.collect());
@@ -318,18 +387,24 @@ mod tests {
             format!("<li>{exact}exact</li>"),
             format!("<td>{sr}sr</td><td>{sr}sr (64 rays)</td>"),
             format!("<td>{exact}exact</td><td>other</td>"),
+            format!("<button type=\"button\">{sr}sr</button>"),
+            "<svg role=\"img\" aria-label=\"Each point is one setting.\"".to_owned(),
             "<figcaption>Each point is one setting. The file is <code>a.svg</code>.</figcaption>".to_owned(),
         ] {
             assert!(html.contains(&part), "{part}: {html}");
         }
-        assert_eq!(html.matches("class=\"mark\"").count(), 2 + 3);
+        assert_eq!(html.matches("class=\"mark\"").count(), 2 + 4);
     }
 
     #[test]
     fn nothing_is_loaded_and_only_the_page_s_own_script_runs() {
         let svg = b"<svg width=\"1\" height=\"1\"></svg>";
         let figures = [("a-plot.svg", &svg[..]), ("b.png", b"\x89PNG")];
-        let figures = figures.map(|(name, content)| Figure { name, content });
+        let figures = figures.map(|(name, content)| Figure {
+            name,
+            content,
+            caption: None,
+        });
         let html = page(
             "<script>alert(1)</script> ![x](http://example.org/x.png)",
             figures.to_vec(),

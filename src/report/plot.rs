@@ -70,6 +70,8 @@ pub struct ErrorTimePlot {
     pub error_label: String,
     /// The methods.
     pub series: Vec<Series>,
+    /// True if the points of a method are settings of one problem, joined by a line; false if each is a problem of its own.
+    pub joined: bool,
     /// The error of the reference, drawn as a line.
     pub reference_error: Option<f64>,
 }
@@ -87,7 +89,8 @@ impl ErrorTimePlot {
     /// [`PlotError`] if the drawing library fails.
     pub fn to_svg(&self) -> Result<String, PlotError> {
         let description = format!(
-            "Each point is one setting of a method: its {} against its run time. Lower left is better{}.",
+            "Each point is one {} of a method: its {} against its run time. Lower left is better{}.",
+            if self.joined { "setting" } else { "case" },
             self.error_label,
             if self.points().any(|point| point.on_front) {
                 "; rings mark the Pareto front"
@@ -132,8 +135,10 @@ impl ErrorTimePlot {
         chart.draw_series(front)?;
         for series in &self.series {
             let shown: Vec<&PlotPoint> = series.points.iter().filter(|p| has_place(p)).collect();
-            let line: Vec<(f64, f64)> = shown.iter().map(|p| middle(p)).collect();
-            chart.draw_series([PathElement::new(line, faint_line(series.style))])?;
+            if self.joined {
+                let line: Vec<(f64, f64)> = shown.iter().map(|p| middle(p)).collect();
+                chart.draw_series([PathElement::new(line, faint_line(series.style))])?;
+            }
             for point in shown {
                 let stroke = colour(series.style).stroke_width(1);
                 chart.draw_series(bars(point, floor).map(|ends| PathElement::new(ends, stroke)))?;
@@ -155,7 +160,9 @@ impl ErrorTimePlot {
         for series in &self.series {
             frame.keys.push((series.name.clone(), series.style));
             frame.legend.entry(&series.name, |area, place| {
-                dashes(area, place, faint_line(series.style), &[(-15, 15)])?;
+                if self.joined {
+                    dashes(area, place, faint_line(series.style), &[(-15, 15)])?;
+                }
                 mark(area, place, series.style)
             })?;
         }
@@ -241,6 +248,7 @@ mod tests {
                 style: 7,
                 points: errors.iter().enumerate().map(point).collect(),
             }],
+            joined: true,
             reference_error: Some(1e-9),
         }
     }
@@ -311,6 +319,22 @@ mod tests {
         for text in ["Pareto front", "least to greatest"] {
             assert!(ranged.contains(text) && !single.contains(text), "{text}");
         }
+    }
+
+    #[test]
+    fn no_line_joins_problems() {
+        let mut cases = plot(&[0.1, 1e-3]);
+        let lines = |of: &ErrorTimePlot| of.to_svg().unwrap().matches("<polyline").count();
+        let joined = lines(&cases);
+        cases.joined = false;
+        // The line through the points, and that of the legend.
+        assert_eq!(lines(&cases), joined - 2);
+        assert!(
+            cases
+                .to_svg()
+                .unwrap()
+                .contains("<desc>title. Each point is one case of")
+        );
     }
 
     #[test]

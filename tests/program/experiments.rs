@@ -382,11 +382,15 @@ fn pictures_have_the_noise_that_was_asked_for() {
     let page = std::fs::read_to_string(directory.path().join("out/index.html")).unwrap();
     assert_eq!(page.matches("<figure>").count(), 9);
     assert_eq!(page.matches("\" src=\"data:image/png;base64,").count(), 8);
-    for name in ["flat-direct-exact.png", "direct-exact-final-gather-noise-0.02.png"] {
-        assert!(
-            page.contains(&format!(" is the image in <code>{name}</code>.")),
-            "{name}"
-        );
+    for (flags, name) in [
+        ("--flat --direct exact (flat)", "flat-direct-exact.png"),
+        (
+            "--direct exact --final-gather --noise 0.02 (final gather)",
+            "direct-exact-final-gather-noise-0.02.png",
+        ),
+    ] {
+        let caption = format!("rendered with {flags}. The file is <code>{name}</code>.");
+        assert!(page.contains(&caption), "{caption}");
     }
 }
 

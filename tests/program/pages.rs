@@ -100,7 +100,7 @@ fn pages_open_without_a_complaint() {
     assert!(dom.contains("<title>exact, tolerance 1e-6: "), "{dom}");
     // The paper's figure is a picture, in the page itself.
     assert!(
-        lewis.contains("<img alt=\"Figure 1\" src=\"data:image/png;base64,"),
+        lewis.contains("<img alt=\"Figure 1 of the paper: each entry of I − diag(ρ) F at l = 2"),
         "{lewis}"
     );
     // A page that does complain is heard.
@@ -109,4 +109,47 @@ fn pages_open_without_a_complaint() {
     std::fs::write(&broken, with_request).unwrap();
     let complained = browser(&profile, &["--dump-dom"], &broken).unwrap();
     assert!(String::from_utf8_lossy(&complained.stderr).contains("CONSOLE"));
+}
+
+#[test]
+#[expect(clippy::print_stderr, reason = "says that it was skipped")]
+fn a_column_sorts_by_all_the_numbers_of_its_cells_and_empty_ones_come_last() {
+    let directory = tempfile::tempdir().unwrap();
+    let cells = [
+        "1 − ρ = 1e-1",
+        "–",
+        "SG10",
+        "1 − ρ = 1e-10",
+        "SG5",
+        "−2",
+        "0.5",
+        "F 1-6",
+        "F 1-2",
+    ];
+    let rows = format!("<tr><td>{}</td></tr>", cells.join("</td></tr><tr><td>"));
+    let script = include_str!("../../src/report/page.js");
+    for (presses, expected) in [
+        (1, "−2|0.5|1 − ρ = 1e-10|1 − ρ = 1e-1|F 1-2|F 1-6|SG5|SG10|–"),
+        (2, "SG10|SG5|F 1-6|F 1-2|1 − ρ = 1e-1|1 − ρ = 1e-10|0.5|−2|–"),
+    ] {
+        let press = "document.querySelector('button').click();".repeat(presses);
+        let html = format!(
+            "<meta charset=\"utf-8\"><table><thead><tr><th><button>a</button></th></tr></thead>\
+             <tbody>{rows}</tbody></table><script>{script}{press}</script>"
+        );
+        let page = directory.path().join("table.html");
+        std::fs::write(&page, html).unwrap();
+        let Some(opened) = browser(&directory.path().join("profile"), &["--dump-dom"], &page) else {
+            eprintln!("skipped: there is no Chromium to sort a table with");
+            return;
+        };
+        let dom = String::from_utf8_lossy(&opened.stdout).into_owned();
+        let body = dom.split("</tbody>").next().unwrap_or_default();
+        let sorted: Vec<&str> = body
+            .split("<td>")
+            .skip(1)
+            .filter_map(|part| part.split("</td>").next())
+            .collect();
+        assert_eq!(sorted.join("|"), expected);
+    }
 }

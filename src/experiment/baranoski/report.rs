@@ -72,6 +72,7 @@ pub fn findings<'a>(
     Ok(Findings {
         printed,
         files,
+        captions: Vec::new(),
         document,
         wrong: (!inside).then(|| wrong.to_owned()),
     })

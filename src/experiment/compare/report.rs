@@ -257,6 +257,7 @@ impl<'a> Subject<'a> {
             ),
             error_label: format!("{long} between {between}"),
             series: series.filter(|s| !s.points.is_empty()).collect(),
+            joined: true,
             reference_error: Some(reference_error),
         }
     }

@@ -57,6 +57,7 @@ impl LewisResults {
         Ok(Findings {
             printed: report(tables, self, true),
             files: files(tables, self)?,
+            captions: captions(),
             document: PaperDocument {
                 machine: Machine::here(),
                 inside,
@@ -77,7 +78,10 @@ fn files(tables: &[u8], results: &LewisResults) -> Result<Files, ExperimentError
     if tables.contains(&2) {
         files.push(text_file("table-2.csv", table_2_csv(results).to_csv()));
         files.push(text_file("table-2-times.csv", times_csv(results).to_csv()));
-        files.push(text_file("history.csv", history(results).to_csv()));
+        files.push(text_file(
+            "history.csv",
+            history(results, ["gauss_seidel", "multigrid"]).to_csv(),
+        ));
         files.push(text_file("checks.csv", checks(results).to_csv()));
         let figure_5 = unfolded_png(4, &results.solution, 16)?;
         files.push(("figure-5.png".to_owned(), figure_5));
@@ -85,6 +89,20 @@ fn files(tables: &[u8], results: &LewisResults) -> Result<Files, ExperimentError
         files.push(text_file("convergence.svg", convergence(results).to_svg()?));
     }
     Ok(files)
+}
+
+fn captions() -> Vec<(String, String)> {
+    let captions = [
+        (
+            "figure-1.png",
+            "Figure 1 of the paper: each entry of I − diag(ρ) F at l = 2, black where its magnitude is 1 and white where it is 0.",
+        ),
+        (
+            "figure-5.png",
+            "Figure 5 of the paper: the radiosities at l = 4 on the unfolded room, the walls in a row between ceiling and floor.",
+        ),
+    ];
+    captions.map(|(name, text)| (name.to_owned(), text.to_owned())).into()
 }
 
 fn report(tables: &[u8], results: &LewisResults, with_times: bool) -> String {
@@ -109,7 +127,7 @@ fn report(tables: &[u8], results: &LewisResults, with_times: bool) -> String {
             );
         }
         text.push_str("\n## Residuals at l = 4: max |r| after each pass\n\n");
-        text.push_str(&history(results).to_markdown());
+        text.push_str(&history(results, ["Gauss-Seidel", "multigrid"]).to_markdown());
         text.push_str("\n## Figure 2, as it may be read: cycles until max |r| < 2.5e-5\n\n");
         text.push_str(&variants(results).to_markdown());
         text.push_str("\n## Section 7: K u by levels, form factors evaluated as they are needed, l = 4\n\n");
@@ -213,12 +231,17 @@ fn times_csv(results: &LewisResults) -> Table {
     }
 }
 
-fn history(results: &LewisResults) -> Table {
-    table! { (k, gauss_seidel) in results.gauss_seidel_residuals.iter().enumerate();
-        "pass": k + 1,
-        "gauss_seidel": format!("{gauss_seidel:.3e}"),
-        "multigrid": results.multigrid_residuals.get(k).map(|r| format!("{r:.3e}")),
+fn history(results: &LewisResults, [gauss_seidel, multigrid]: [&str; 2]) -> Table {
+    let mut table = Table::new(["pass", gauss_seidel, multigrid]);
+    for (k, residual) in results.gauss_seidel_residuals.iter().enumerate() {
+        let of_multigrid = results.multigrid_residuals.get(k).map(|r| format!("{r:.3e}"));
+        table.push([
+            (k + 1).to_string(),
+            format!("{residual:.3e}"),
+            of_multigrid.unwrap_or_default(),
+        ]);
     }
+    table
 }
 
 fn checks(results: &LewisResults) -> Table {
@@ -300,8 +323,8 @@ fn figure_6(results: &LewisResults) -> CurvePlot {
     CurvePlot {
         title: "Time of Gauss-Seidel and multigrid".to_owned(),
         subtitle: "Lewis 1992, figure 6: from u = f to max |r| < 2.5e-5; the paper's on a SPARCstation 2".to_owned(),
-        x_label: "N".to_owned(),
-        y_label: "time (s)".to_owned(),
+        x_label: "number of patches N".to_owned(),
+        y_label: "run time (s)".to_owned(),
         log_x: true,
         log_y: true,
         marked: true,
@@ -323,8 +346,8 @@ fn convergence(results: &LewisResults) -> CurvePlot {
     CurvePlot {
         title: "Convergence in the room of Lewis 1992, l = 4".to_owned(),
         subtitle: "true residuals; a cycle of multigrid costs 1.37 sweeps".to_owned(),
-        x_label: "passes".to_owned(),
-        y_label: "max |r| (W/m²)".to_owned(),
+        x_label: "number of passes".to_owned(),
+        y_label: "greatest residual |r| (W/m²)".to_owned(),
         log_x: true,
         log_y: true,
         marked: true,

@@ -50,6 +50,7 @@ impl MalgouyresResults {
         Ok(Findings {
             printed: report(self, true),
             files: files(self)?,
+            captions: Vec::new(),
             document: PaperDocument {
                 machine: Machine::here(),
                 inside,
@@ -175,7 +176,7 @@ fn patch_table(scene: &SceneResult, with_times: bool) -> Table {
     let mut table = Table::new(columns);
     for run in &scene.patches {
         let mut cells = vec![
-            run.method.to_owned(),
+            format!("patches, {}", run.method),
             run.per_edge.to_string(),
             run.n_patches.to_string(),
             format!("{:.2e}", run.error),
@@ -326,6 +327,7 @@ fn error_time(scene: &SceneResult) -> ErrorTimePlot {
             patches("hemicube", 2),
             patches("exact", 3),
         ],
+        joined: true,
         reference_error: Some(scene.reference_change),
     }
 }

@@ -10,6 +10,9 @@ use crate::experiment::findings::{Check, FAILED, Files, Findings, PaperDocument,
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
 use crate::report::{Machine, Table};
 
+/// The file of the reference's image.
+const REFERENCE: &str = "reference.png";
+
 /// Wall times of the rendering, s.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -30,6 +33,7 @@ impl PicturesResults {
         Ok(Findings {
             printed: report(self, true),
             files: files(self)?,
+            captions: captions(self),
             document: PaperDocument {
                 machine: Machine::here(),
                 inside,
@@ -52,13 +56,43 @@ fn files(results: &PicturesResults) -> Result<Files, ExperimentError> {
         text_file("pictures-times.csv", table(results, true).to_csv()),
         text_file("error-time.svg", error_time(results).to_svg()?),
     ];
-    for run in &results.runs {
-        // The image of `--flat --direct exact` is in flat-direct-exact.png.
-        let name = run.flags.trim_start_matches('-').replace(" --", "-").replace(' ', "-");
-        files.push((format!("{name}.png"), run.picture.clone()));
-    }
-    files.push(("reference.png".to_owned(), results.reference_picture.clone()));
+    let images = results.runs.iter().map(|run| (file_of(run), run.picture.clone()));
+    files.extend(images);
+    files.push((REFERENCE.to_owned(), results.reference_picture.clone()));
     Ok(files)
+}
+
+/// Returns the name of a run's image: that of `--flat --direct exact` is flat-direct-exact.png.
+fn file_of(run: &PictureRun) -> String {
+    let name = run.flags.trim_start_matches('-').replace(" --", "-").replace(' ', "-");
+    format!("{name}.png")
+}
+
+fn captions(results: &PicturesResults) -> Vec<(String, String)> {
+    let of_run = |run: &PictureRun| {
+        let text = format!(
+            "The scene {}, rendered with {} ({}).",
+            results.scene,
+            run.flags,
+            method_of(run)
+        );
+        (file_of(run), text)
+    };
+    let reference = format!(
+        "The reference: the scene {}, rendered with final gather at a noise of {}.",
+        results.scene, results.reference_noise
+    );
+    let runs = results.runs.iter().map(of_run);
+    runs.chain([(REFERENCE.to_owned(), reference)]).collect()
+}
+
+/// Returns the method of a run as the plot names it.
+fn method_of(run: &PictureRun) -> &'static str {
+    match run.noise {
+        Some(_) => "final gather",
+        None if run.flags.contains("--flat") => "flat",
+        None => "interpolated",
+    }
 }
 
 /// Returns the report in Markdown, with or without times.
@@ -91,13 +125,20 @@ fn report(results: &PicturesResults, with_times: bool) -> String {
 }
 
 fn table(results: &PicturesResults, with_times: bool) -> Table {
-    let mut columns = vec!["flags", "root mean square", "median", "relative to the pixel", "rays"];
+    let mut columns = vec![
+        "flags",
+        "method",
+        "root mean square",
+        "median",
+        "relative to the pixel",
+        "rays",
+    ];
     if with_times {
         columns.push("time (s)");
     }
     let mut table = Table::new(columns);
     for run in &results.runs {
-        let mut cells = vec![run.flags.clone()];
+        let mut cells = vec![run.flags.clone(), method_of(run).to_owned()];
         cells.extend([run.rms, run.median, run.relative_rms].map(|error| format!("{error:.3e}")));
         cells.push(run.n_rays.to_string());
         if with_times {
@@ -109,13 +150,13 @@ fn table(results: &PicturesResults, with_times: bool) -> Table {
 }
 
 fn error_time(results: &PicturesResults) -> ErrorTimePlot {
-    let series = |name: &str, style: usize, is_own: fn(&PictureRun) -> bool| Series {
+    let series = |(style, name): (usize, &str)| Series {
         name: name.to_owned(),
         style,
         points: results
             .runs
             .iter()
-            .filter(|run| is_own(run))
+            .filter(|run| method_of(run) == name)
             .map(|run| PlotPoint {
                 setting: run.flags.clone(),
                 time_s: Ranged::exactly(run.time_s),
@@ -130,14 +171,13 @@ fn error_time(results: &PicturesResults) -> ErrorTimePlot {
             "one solution; against final gather with a noise of {}; one run each",
             results.reference_noise
         ),
-        error_label: "root mean square error of the irradiance, relative".to_owned(),
-        series: vec![
-            series("flat", 0, |run| run.flags.contains("--flat")),
-            series("interpolated", 1, |run| {
-                run.noise.is_none() && !run.flags.contains("--flat")
-            }),
-            series("final gather", 2, |run| run.noise.is_some()),
-        ],
+        error_label: "relative root-mean-square error of the irradiance".to_owned(),
+        series: ["flat", "interpolated", "final gather"]
+            .into_iter()
+            .enumerate()
+            .map(series)
+            .collect(),
+        joined: true,
         reference_error: Some(results.reference_noise),
     }
 }

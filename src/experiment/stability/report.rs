@@ -56,6 +56,7 @@ impl Stability {
         Ok(Findings {
             printed: report(self, true),
             files: files(self, settings)?,
+            captions: Vec::new(),
             document: StabilityDocument {
                 tolerance: TOLERANCE,
                 max_passes: MAX_PASSES,
@@ -198,6 +199,7 @@ fn plot(result: &Stability) -> ErrorTimePlot {
         subtitle: format!("every case that a solver was right on, to a relative residual of {TOLERANCE:e}"),
         error_label: "relative error of the radiosity".to_owned(),
         series: series.collect(),
+        joined: false,
         reference_error: None,
     }
 }

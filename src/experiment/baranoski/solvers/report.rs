@@ -19,22 +19,22 @@ struct Norm {
 const NORMS: [Norm; 4] = [
     Norm {
         file: "max-power",
-        label: "max |r A| (W), equation 25",
+        label: "greatest power |r A| (W, equation 25)",
         of: |entry| entry.residual_max_power,
     },
     Norm {
         file: "residual",
-        label: "sqrt(Σ r²) (W/m²), equation 26",
+        label: "residual norm sqrt(Σ r²) (W/m², equation 26)",
         of: |entry| entry.residual_euclidean,
     },
     Norm {
         file: "rms-error",
-        label: "RMS error (W/m²), equation 27",
+        label: "RMS error (W/m², equation 27)",
         of: |entry| entry.errors.map_or(f64::NAN, |e| e.error_rms),
     },
     Norm {
         file: "goertler-error",
-        label: "wrong share of reflected light, equation 28",
+        label: "wrong share of reflected light (equation 28)",
         of: |entry| entry.errors.map_or(f64::NAN, |e| e.error_goertler),
     },
 ];
@@ -108,7 +108,7 @@ fn case_table(result: &CaseResult, with_times: bool) -> Table {
         "selected alike",
         "RMS error",
         "Goertler",
-        "",
+        "tolerances",
     ];
     if with_times {
         head.push("ms");
@@ -131,7 +131,7 @@ fn case_table(result: &CaseResult, with_times: bool) -> Table {
             dash(run.selected_alike.map(|share| format!("{:.0} %", 100.0 * share))),
             format!("{:.1e}", run.error_rms),
             format!("{:.1e}", run.error_goertler),
-            if run.inside { "" } else { "OUTSIDE" }.to_owned(),
+            if run.inside { "inside" } else { "OUTSIDE" }.to_owned(),
         ];
         if with_times {
             cells.push(format!("{:.2}", 1e3 * run.time_s));
