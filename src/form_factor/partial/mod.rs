@@ -92,7 +92,9 @@ pub struct Partial {
 /// Accuracy: the estimated error is the sum over all cells of an estimate from the decay of the integrand's polynomial degrees
 /// and from its values on the cell's border, beyond the points of the rule. In a cell that is nearer to Q than some of its size the same points also integrate the form factor without
 /// occluders, which has a peak there and whose integral is known: the integrand may miss its share of the part that the points miss. Where edges run close above P, as in a narrow gap,
-/// points ever nearer to the cell's border show the layers in which the view changes. The error is at most the visible or the hidden part, whichever is more.
+/// strips beside them follow the layers in which the view changes, and points ever nearer to a cell's border show what is left; cells in a row miss the same, so that these errors are added.
+/// An edge at a height h over P, of size D, adds what rounding of coordinates c may turn the planes through it, 4 ε c D / h times the perimeter of P, or all that a layer as wide as h holds.
+/// The error is at most the visible or the hidden part, whichever is more.
 /// Against runs with a far smaller tolerance it held in all of several hundred random cases with up to three intersecting boxes and plates, and in a thousand climbs towards scenes where it would fail;
 /// the true error is mostly more than ten times smaller. Tolerances down to 1e-12 are reached. A remainder of Q within 1e-15 of
 /// the distances involved may count as hidden, and the result is exactly 0 where nothing else is seen.

@@ -67,7 +67,7 @@ fn a_move_that_is_exact_changes_no_form_factor_by_more_than_is_stated() {
             ("a room", room(&mut random, 1.0), 1),
             ("a small room", room(&mut random, 0.05), 1),
         ];
-        for (name, scene, subdivide) in scenes {
+        for (of_scene, (name, scene, subdivide)) in scenes.into_iter().enumerate() {
             let scene = quantised(scene);
             let exact = ExactMethod {
                 tolerance: 1e-6,
@@ -76,7 +76,7 @@ fn a_move_that_is_exact_changes_no_form_factor_by_more_than_is_stated() {
             let near = Prepared::new(scene.clone(), subdivide).try_compute(&exact).unwrap();
             assert!(near.tolerance_met, "{name} {seed}: {:?}", near.pairs);
             let of_near = entries(&near.factors);
-            for place in PLACES {
+            for place in PLACES.into_iter().skip(of_scene % 2).step_by(n_cases(2, 1)) {
                 let there = moved(&scene, DQuat::IDENTITY, 1.0, place);
                 let far = Prepared::new(there, subdivide).try_compute(&exact).unwrap();
                 // At 10^9 m what a double has room for is a tenth of a micrometre: what is stated may say so.
