@@ -207,7 +207,7 @@ fn the_direct_light_of_a_picture_is_right() {
         for layer in image.layers() {
             let Some(old) = image.f32(&layer.name) else { continue };
             let wrongs = [(background, 7.0), (front, f32::NAN), (front, -9.0)];
-            // Other ways to gather light differ in one layer alone.
+            // What refuses a wrong value is the same for all: the others show that it is asked in every layer.
             let n_wrongs = if direct == DirectMethod::Exact {
                 3
             } else {
