@@ -16,7 +16,10 @@ use radiosity::scene::{Loaded, Material, MaterialId, SceneBuilder, SceneError, S
 /// - `height:N`: hills of 2 N² triangles;
 /// - `city:N`: N x N houses on a ground, cut into faces of at most 10 m;
 /// - `tree:N`: N loose leaves, two faces each, over a ground and beside a wall;
-/// - `tubes:N`: three capped tubes of N sides in a room.
+/// - `tubes:N`: three capped tubes of N sides in a room;
+/// - `duct:N`: three tubes of N sides between the ends of a duct of four walls;
+/// - `quads:N`: N quads, turned by chance, with six decimals as in a file;
+/// - `gap:N`: two squares 10⁻ᴺ apart, with a wall between their halves.
 pub(crate) fn made(name: &str) -> Option<Result<Loaded, SceneError>> {
     let (kind, n) = name.split_once(':')?;
     let n = n.parse().ok().filter(|n| *n > 0)?;
@@ -40,6 +43,9 @@ pub(crate) fn made(name: &str) -> Option<Result<Loaded, SceneError>> {
         "city" => faces.city(n),
         "tree" => faces.tree(n),
         "tubes" => faces.tubes(n),
+        "duct" => faces.duct(n),
+        "quads" => faces.quads(n),
+        "gap" => faces.gap(0.1_f64.powi(n.try_into().ok()?)),
         _ => return None,
     }
     Some(faces.build())
@@ -223,22 +229,58 @@ impl Faces {
 
     fn tubes(&mut self, n: usize) {
         for [x, y] in [[-1.2, -0.9], [1.3, -0.7], [0.1, 1.2]] {
-            let ring = |z: f64| -> Vec<DVec3> {
-                let angle = |k: usize| TAU * (k as f64 + 0.3) / n as f64;
-                (0..n)
-                    .map(|k| DVec3::new(x + 0.7 * angle(k).cos(), y + 0.7 * angle(k).sin(), z))
-                    .collect()
-            };
-            let (mut low, high) = (ring(0.4), ring(3.6));
-            for k in 0..n {
-                let next = (k + 1) % n;
-                self.face(&[low[k], low[next], high[next], high[k]]);
-            }
+            let [mut low, high] = self.tube(DVec3::new(x, y, 0.4), 0.7, 3.2, n);
             low.reverse();
             self.face(&low);
             self.face(&high);
         }
         self.room(DVec3::new(-3.0, -3.0, 0.0), DVec3::new(3.0, 3.0, 4.0), 1);
+    }
+
+    fn duct(&mut self, n: usize) {
+        for [x, y] in [[0.0, 0.0], [1.6, 0.0], [0.8, 1.4]] {
+            self.tube(DVec3::new(x, y, 0.0), 0.5, 4.0, n);
+        }
+        // Without its ends.
+        for wall in &sides(DVec3::new(-3.0, -3.0, 0.0), DVec3::new(3.0, 3.0, 4.0))[..4] {
+            self.face(wall);
+        }
+    }
+
+    /// Adds the upright sides of a tube, and returns its lower and upper ring.
+    fn tube(&mut self, foot: DVec3, radius: f64, height: f64, n: usize) -> [Vec<DVec3>; 2] {
+        let ring = |z: f64| -> Vec<DVec3> {
+            let angle = |k: usize| TAU * (k as f64 + 0.3) / n as f64;
+            (0..n)
+                .map(|k| foot + DVec3::new(radius * angle(k).cos(), radius * angle(k).sin(), z))
+                .collect()
+        };
+        let (low, high) = (ring(0.0), ring(height));
+        for k in 0..n {
+            let next = (k + 1) % n;
+            self.face(&[low[k], low[next], high[next], high[k]]);
+        }
+        [low, high]
+    }
+
+    fn quads(&mut self, n: usize) {
+        let mut random = Random(1);
+        for _ in 0..n {
+            let middle = 0.2 * random.normal();
+            let along = random.normal().normalize_or_zero();
+            let across = along.cross(random.normal()).normalize_or_zero();
+            let (a, b) = (random.between(0.3, 1.0) * along, random.between(0.3, 1.0) * across);
+            let corners = [a + b, b - a, -a - b, a - b].map(|v| ((middle + v) * 1e6).round() / 1e6);
+            self.face(&corners);
+        }
+    }
+
+    fn gap(&mut self, width: f64) {
+        let square = |z: f64| [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(x, y)| DVec3::new(x, y, z));
+        let [a, b, c, d] = square(width);
+        self.face(&square(0.0));
+        self.face(&[a, d, c, b]);
+        self.face(&[(0.0, 0.0), (1.0, 0.0), (1.0, width), (0.0, width)].map(|(y, z)| DVec3::new(0.3, y, z)));
     }
 }
 

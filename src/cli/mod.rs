@@ -178,9 +178,32 @@ fn command() -> clap::Command {
     })
 }
 
+/// Joins negative numbers with an exponent to the flags before them: for clap, −1e-3 would be a flag.
+fn with_exponents(arguments: &[OsString]) -> Vec<OsString> {
+    let mut joined: Vec<OsString> = Vec::with_capacity(arguments.len());
+    for argument in arguments {
+        let is_number = argument
+            .to_str()
+            .is_some_and(|text| text.starts_with('-') && text.contains(['e', 'E']) && text.parse::<f64>().is_ok());
+        match joined.last_mut() {
+            Some(flag)
+                if is_number
+                    && flag
+                        .to_str()
+                        .is_some_and(|flag| flag.starts_with("--") && !flag.contains('=')) =>
+            {
+                flag.push("=");
+                flag.push(argument);
+            }
+            _ => joined.push(argument.clone()),
+        }
+    }
+    joined
+}
+
 /// Parses the arguments.
 fn parse(arguments: &[OsString]) -> Result<Cli, clap::Error> {
-    let mut matches = command().try_get_matches_from(arguments)?;
+    let mut matches = command().try_get_matches_from(with_exponents(arguments))?;
     Cli::from_arg_matches_mut(&mut matches)
 }
 

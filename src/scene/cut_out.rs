@@ -102,7 +102,7 @@ fn tolerance(scene: &Scene) -> f64 {
     let (low, high) = scene.bounding_box();
     let greatest = low.abs().max(high.abs()).max_element();
     // Faces that are turned within an axis-aligned plane are rounded too, although no corner leaves the plane.
-    let written = scene.written.filter(Written::may_part_points);
+    let written = scene.written.filter(Written::shows_rounding);
     let of_digits = written.map_or(0.0, |written| UNITS * written.unit(greatest));
     scene.slack().max(of_digits).max(ULPS * f64::EPSILON * greatest)
 }

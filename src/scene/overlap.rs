@@ -182,7 +182,7 @@ impl Measures {
         let off = UNITS * scene.written.map_or(0.0, |written| written.unit(greatest));
         let most = SIX_DIGITS * greatest;
         let least = (SIX_DIGITS * size).max(ULPS * greatest).min(most);
-        let rounded = scene.written.filter(Written::may_part_points);
+        let rounded = scene.written.filter(Written::shows_rounding);
         // Faces along the axes stay so after rounding, and keep their contacts.
         let rounded = rounded.filter(|_| !is_along_axes(&corners));
         Self {

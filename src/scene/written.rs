@@ -133,14 +133,11 @@ impl Written {
         self.needed >= Self::MIN_DIGITS || self.is_binary_single || self.least > 0.0 || self.misses
     }
 
-    /// Returns whether points that nearly meet may be one: the coordinates [were rounded](Self::shows_rounding), or have as many digits as rounded ones.
-    pub(super) fn may_part_points(&self) -> bool {
-        self.shows_rounding() || self.is_rounded(Self::MIN_DIGITS)
-    }
-
-    /// Returns whether numbers look rounded: they have places after the point, and at least `least_digits` digits.
+    /// Returns whether numbers look rounded: they have places after the point, and some need at least `least_digits` digits.
+    ///
+    /// 100000 and 100000.0 need none.
     pub(super) fn is_rounded(&self, least_digits: i32) -> bool {
-        let has_digits = self.digits.0 >= least_digits && self.places.is_some_and(|places| places.0 > 0);
+        let has_digits = self.needed >= least_digits && self.places.is_some_and(|places| places.0 > 0);
         has_digits || self.is_binary_single || self.least > 0.0
     }
 
@@ -392,12 +389,15 @@ mod tests {
             (&["5.30115e+06", "512"], true),
             (&["1e-05", "1.5e3"], false),
             (&["1.000000e+00", "2.500000e-01"], false),
+            // A small thing near a large one.
+            (&["-100000", "90000.0", "0.1"], false),
         ] {
             let mut written = Written::new();
             for token in tokens {
                 written.see(token);
             }
             assert_eq!(written.shows_rounding(), expected, "{tokens:?}");
+            assert_eq!(written.is_rounded(Written::MIN_DIGITS), expected, "{tokens:?}");
         }
     }
 }

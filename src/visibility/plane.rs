@@ -60,6 +60,11 @@ impl Lean {
         }
     }
 
+    /// Returns the mean of the corners.
+    pub(super) fn middle(&self) -> DVec3 {
+        self.middle
+    }
+
     /// Returns the greatest distance of a corner from the middle.
     pub(crate) fn reach(&self) -> f64 {
         self.reach

@@ -51,6 +51,8 @@ struct End<'a> {
     /// The height over its plane up to which points count as in it.
     least_height: f64,
     lean: Lean,
+    /// The width and the rounding up to which they add to the neglected border: of the larger end, those that are seen from the smaller one.
+    most: [f64; 2],
 }
 
 thread_local! {
@@ -60,6 +62,9 @@ thread_local! {
 
 /// The width of a shaft's neglected border in units of its own width.
 const RELATIVE_TOLERANCE: f64 = 1e-10;
+
+/// The greatest change of the neglected border by the distance between both ends; where it would change more, it is the lesser of both everywhere.
+const STEEPEST: f64 = 1e-7;
 
 /// The part of the distance and the size of a polygon from which on a height is seen: from about where two patches count as facing each other.
 const SEEN: f64 = 2e-14;
@@ -90,7 +95,17 @@ impl<'a> Shaft<'a> {
             rounding: rounding(polygon),
             least_height: rounding(polygon).min(MIN_HEIGHT * smaller.reach),
             lean,
+            most: [f64::INFINITY; 2],
         });
+        let (small, large) = if leans[0].reach <= leans[1].reach {
+            (0, 1)
+        } else {
+            (1, 0)
+        };
+        let (low, high) = bounds(ends[large].part.iter());
+        let apart = (low - smaller.middle()).max(smaller.middle() - high).max(DVec3::ZERO);
+        let near = smaller.reach + apart.length();
+        ends[large].most = [near, ends[small].rounding.max(MIN_HEIGHT * near)];
         let parts = [in_front(p, &ends[1], &smaller)?, in_front(q, &ends[0], &smaller)?];
         for (end, part) in ends.iter_mut().zip(parts) {
             end.part = part;
@@ -220,7 +235,7 @@ impl<'a> Shaft<'a> {
                 Cow::Borrowed(_) => end.lean.width,
                 Cow::Owned(part) => Lean::of(part).width,
             };
-            RELATIVE_TOLERANCE * width + end.rounding + slack
+            end.border(width) + slack
         });
         let [near, far] = tolerances.map(|tolerance| tolerance + rounding);
         let on_side = |k: usize, sign: f64, tolerance: f64| {
@@ -302,7 +317,7 @@ impl<'a> Shaft<'a> {
 
     /// Returns the plane through an edge of end `k` and a corner `c` of the other, raised, if both ends are on one side of it.
     ///
-    /// The neglected part changes from the edge to the other end in proportion, so that the raised plane leans a little.
+    /// The neglected part changes from the edge to the far side of the other end in proportion, so that the raised plane leans a little.
     fn side(&self, k: usize, start: DVec3, edge: DVec3, c: DVec3) -> Option<Side> {
         let normal = edge.cross(c - start);
         // A plane through three corners nearly on a line is undefined.
@@ -321,6 +336,8 @@ impl<'a> Shaft<'a> {
         for (border, end) in borders.iter_mut().zip([k, 1 - k]) {
             let end = &self.ends[end];
             let (mut low, mut high) = (0.0, 0.0);
+            // That of the other end alone remains.
+            reach = 0.0;
             // Without f64::min and f64::max, which spend time on NaN.
             for &v in end.part.iter() {
                 let (height, far) = (normal.dot(v - origin), distance(v).abs());
@@ -328,9 +345,11 @@ impl<'a> Shaft<'a> {
                 high = if height > high { height } else { high };
                 reach = if far > reach { far } else { reach };
             }
-            *border = RELATIVE_TOLERANCE * high.max(-low) + end.rounding;
-            below |= low < -0.5 * (*border + self.slack);
-            above |= high > 0.5 * (*border + self.slack);
+            let width = high.max(-low);
+            *border = end.border(width);
+            let off = 0.5 * (end.border_of(width, end.rounding) + self.slack);
+            below |= low < -off;
+            above |= high > off;
         }
         if below == above {
             return None;
@@ -338,7 +357,10 @@ impl<'a> Shaft<'a> {
         let normal = if above { normal } else { -normal };
         if self.is_plane_of_an_end(normal) {
             // No part is a mere border there.
-            borders = [k, 1 - k].map(|end| self.ends[end].rounding);
+            borders = [k, 1 - k].map(|end| self.ends[end].border(0.0));
+        }
+        if (borders[1] - borders[0]).abs() > STEEPEST * reach {
+            borders = [borders[0].min(borders[1]); 2];
         }
         let [at_edge, at_corner] = borders;
         let slope = (at_corner - at_edge) / reach;
@@ -360,6 +382,17 @@ impl<'a> Shaft<'a> {
 }
 
 impl End<'_> {
+    /// Returns the width of the neglected border where the hull has this width.
+    ///
+    /// The larger end counts as far as the smaller one sees it: a border beside it that is 1e-10 of a ground that reaches to the horizon would hide all that stands before a wall on that ground.
+    fn border(&self, width: f64) -> f64 {
+        self.border_of(width, self.rounding.min(self.most[1]))
+    }
+
+    fn border_of(&self, width: f64, rounding: f64) -> f64 {
+        RELATIVE_TOLERANCE * width.min(self.most[0]) + rounding
+    }
+
     /// Returns the height over the end's plane below which a point may lie in it, given the smaller of the two ends.
     fn least_height_at(&self, point: DVec3, smaller: &Lean) -> f64 {
         let rounded = self.lean.height_by_rounding(self.rounding, point);

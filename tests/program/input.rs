@@ -106,6 +106,11 @@ fn usage_errors_are_exit_code_2() {
             &["solve", "scene.obj", "--subdivide", "2", "--max-edge", "1"],
             &["--subdivide <N>", "--max-edge <L>"],
         ),
+        (&["solve", "scene.obj", "--tolerance", "-1"], &["'-1'", "--tolerance"]),
+        (
+            &["form-factors", "scene.obj", "--tolerance", "-1.5e-3"],
+            &["'-1.5e-3'", "--tolerance"],
+        ),
     ] {
         let (_, result) = document(directory.path(), arguments);
         let told = result["error"]["message"].as_str().unwrap();

@@ -415,7 +415,8 @@ impl<'a> View<'a> {
                 .collect();
             unseen *= 0.5;
         }
-        let enough = (goal - unseen) / area;
+        unseen += self.sight.error_within(0.0);
+        let enough = (goal - unseen).max(0.0) / area;
         let looks = triangles
             .into_iter()
             .map(|corners| self.sight.look_at_triangle(corners, enough));

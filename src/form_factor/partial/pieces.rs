@@ -237,7 +237,7 @@ pub(super) fn sum_uncut(looks: impl Iterator<Item = Look>, whole: Whole, unseen:
     for look in looks {
         for part in [VISIBLE, HIDDEN] {
             integrals[part] += look.estimate.integral[part];
-            errors[part].add(look.estimate.error[part], 0.0);
+            errors[part].add(look.estimate.error[part], look.layers[part]);
         }
         n_evaluations += look.estimate.n_evaluations;
     }

@@ -391,7 +391,7 @@ pub(super) struct Look {
     pub(super) site: Site,
     pub(super) estimate: Estimate,
     /// The share of its errors that stands for layers along the border of the cell.
-    layers: Parts,
+    pub(super) layers: Parts,
     /// In a near cell, the largest shares of F₀ that the parts have on these points.
     shares: Option<Parts>,
     /// Whether the points see a part of the target, and several bodies before the rest of it, whose edges may cross in views.

@@ -197,7 +197,7 @@ fn flat_ones(scene: &Scene, of_face: &[u32], n: usize) -> Vec<bool> {
 pub(crate) fn joint(scene: &Scene) -> f64 {
     let coordinates = scene.vertices.iter().map(|v| v.abs().max_element());
     let greatest = coordinates.fold(0.0, f64::max);
-    let written = scene.written.filter(Written::may_part_points);
+    let written = scene.written.filter(Written::shows_rounding);
     let of_digits = written.map_or(0.0, |written| 2.0 * written.unit(greatest));
     64.0 * f64::EPSILON * greatest + scene.slack().max(of_digits)
 }

@@ -43,6 +43,8 @@ pub(super) fn sides(scene: &Scene, pieces: &Pieces, points: &[(FaceId, DVec3)]) 
     let across = along.any_orthonormal_vector();
     let frame = DMat3::from_cols(across, along.cross(across), along).transpose();
     let slack = touching(scene);
+    // A cap is no face: it stands for those of another piece that it may be off by as much.
+    let slack_of_cap = slack + joint(scene);
     let of_faces = scene
         .face_ids()
         .filter_map(|face| Some((Some(face), pieces.closed(face)?, pieces.outline(scene, face))));
@@ -83,7 +85,7 @@ pub(super) fn sides(scene: &Scene, pieces: &Pieces, points: &[(FaceId, DVec3)]) 
             return;
         }
         let height = normal.dot(corners[0] - here);
-        let is_ahead = if height.abs() > slack {
+        let is_ahead = if height.abs() > if face.is_some() { slack } else { slack_of_cap } {
             height * normal.z > 0.0
         } else {
             let own_normal = frame * scene.area_vector(own);

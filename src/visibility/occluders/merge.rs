@@ -3,13 +3,17 @@
 use foldhash::{HashMap, HashMapExt as _};
 use glam::DVec3;
 
+use super::super::plane::{Plane, rounding};
 use crate::geometry::polygon;
 use crate::scene::Scene;
 
 /// The greatest difference of normals of one plane.
 const ANGLE_TOLERANCE: f64 = 1e-12;
 
-/// The same where corners were rounded; small faces lean the most.
+/// The greatest height of a joined polygon's corners over its plane, in units of what a shaft takes for rounding.
+const FLAT: f64 = 0.5;
+
+/// The greatest difference of normals where corners were rounded; small faces lean the most.
 const ROUNDED_ANGLE: f64 = 1e-3;
 
 type Edge = (u32, u32);
@@ -205,11 +209,16 @@ impl Merger<'_> {
 
     fn is_convex(&self, corners: &[u32], normal: DVec3) -> bool {
         let v = |i: usize| self.vertices[corners[i % corners.len()] as usize];
-        let flat_turns = (0..corners.len()).all(|i| turns_in(normal, v(i + 1) - v(i), v(i + 2) - v(i + 1)));
-        // Long chains of flat turns must not bend out of the plane either.
-        let plane = normal.dot(v(0));
-        let size = (0..corners.len()).map(|i| (v(i) - v(0)).length()).fold(0.0, f64::max);
-        flat_turns && (0..corners.len()).all(|i| (normal.dot(v(i)) - plane).abs() <= ANGLE_TOLERANCE * size + self.off)
+        (0..corners.len()).all(|i| turns_in(normal, v(i + 1) - v(i), v(i + 2) - v(i + 1))) && self.is_flat(corners)
+    }
+
+    /// Returns whether corners lie in one plane.
+    ///
+    /// A joined polygon stands before all of its faces where it leaves their planes by more than a shaft takes for rounding, and would hide them.
+    fn is_flat(&self, corners: &[u32]) -> bool {
+        let positions: Vec<DVec3> = corners.iter().map(|&k| self.vertices[k as usize]).collect();
+        let [low, high] = Plane::of(&positions).heights(&positions);
+        high - low <= FLAT * rounding(&positions) + self.off
     }
 
     fn replace(&mut self, k: usize, other: usize, union: Vec<u32>) {

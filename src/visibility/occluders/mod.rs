@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 
 use glam::DVec3;
 
-use super::plane::{Lean, Plane, rounding};
+use super::plane::{Lean, MAX_LEAN, Plane, rounding};
 use super::shaft::Shaft;
 use crate::geometry::box_pairs::BoxTree;
 use crate::scene::topology::Pieces;
@@ -249,7 +249,7 @@ impl OccluderIndex {
 
     /// Returns whether two polygons that seem to face each other are two sides of a sheet, which rounded coordinates have parted.
     pub(crate) fn are_sides_of_a_sheet(&self, p: &[DVec3], q: &[DVec3]) -> bool {
-        self.slack > 0.0 && are_sides_of_a_sheet(p, q, self.slack)
+        are_sides_of_a_sheet(p, q, self.slack.max(noise([p, q])))
     }
 
     /// Finds the occluders between two convex polygons among those given.
@@ -269,7 +269,7 @@ impl OccluderIndex {
     ///
     /// Nothing was meant to touch these parts, and nothing is left out for rounding.
     pub(crate) fn classify_cut(&self, p: &[DVec3], q: &[DVec3], among: &[OccluderId]) -> PairVisibility {
-        self.classify_with(p, q, 0.0, each_of(among)).0.visibility
+        self.classify_no_sheet(p, q, 0.0, each_of(among)).0.visibility
     }
 
     /// Tests occluders until one certainly hides all, and returns that one; an occluder that reaches in between by less than `slack`, m, is left out.
@@ -280,7 +280,7 @@ impl OccluderIndex {
         slack: f64,
         each: impl FnOnce(&mut dyn FnMut(OccluderId) -> bool, &Shaft<'_>),
     ) -> (Between, Option<Closer>) {
-        if slack > 0.0 && self.are_sides_of_a_sheet(p, q) {
+        if self.are_sides_of_a_sheet(p, q) {
             return (Between::certain(PairVisibility::None), None);
         }
         self.classify_no_sheet(p, q, slack, each)
@@ -446,16 +446,27 @@ impl Look<'_> {
     fn meets(&mut self, entry: &Entry) -> bool {
         let (shaft, slack) = (self.shaft, self.slack);
         if slack <= 0.0 {
-            return shaft.meets(&entry.corners);
+            return shaft.meets(&entry.corners) && !self.is_in_plane_of_an_end(entry);
         }
         if !shaft.is_touched_by(&entry.corners) {
             return false;
         }
-        let levels = self.ends.map(|end| entry.levels(end, slack));
+        let levels = self
+            .ends
+            .map(|end| entry.levels(end, slack.max(noise([end, &entry.corners]))));
         let is_met =
             !levels.contains(&Levels::Touching) && (levels.contains(&Levels::Gap) || shaft.meets(&entry.corners));
         self.touched |= !is_met;
         is_met
+    }
+
+    /// Returns whether a polygon is part of a sheet with one of the ends, but for the rounding of a computation.
+    fn is_in_plane_of_an_end(&self, entry: &Entry) -> bool {
+        self.ends.iter().any(|end| {
+            let noise = noise([end, &entry.corners]);
+            entry.plane.height(end[0]).abs() <= noise * (2.0 + MAX_LEAN)
+                && Levels::of(end, &entry.corners, noise) == Levels::Touching
+        })
     }
 }
 
@@ -464,6 +475,25 @@ fn each_of(among: &[OccluderId]) -> impl FnOnce(&mut dyn FnMut(OccluderId) -> bo
     |look_at, _| {
         among.iter().all(|&k| look_at(k));
     }
+}
+
+/// The distance of two polygons that were meant to lie in one plane and whose corners were computed in different ways: in units of 16 ulps of their coordinates, and of the smaller one's size.
+const COMPUTED: f64 = 16.0;
+const COMPUTED_BY_SIZE: f64 = 1e-9;
+
+/// Returns the distance by which computation, with cancellation, may have parted two polygons.
+///
+/// Levels tell it from a gap that was meant, however narrow: computation does not leave planes parallel.
+fn noise(polygons: [&[DVec3]; 2]) -> f64 {
+    let [p, q] = polygons.map(rounding);
+    let size = |corners: &[DVec3]| {
+        corners
+            .iter()
+            .map(|v| v.distance_squared(corners[0]))
+            .fold(0.0, f64::max)
+    };
+    let smaller = polygons.map(size).into_iter().fold(f64::INFINITY, f64::min).sqrt();
+    (COMPUTED * p.max(q)).max(COMPUTED_BY_SIZE * smaller)
 }
 
 /// The share of the greatest height below which heights may differ across a gap that was meant, between parallel plates.

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use super::super::plane::{Lean, MAX_LEAN, Plane, rounding};
 use super::super::shaft::MIN_HEIGHT;
-use super::{Between, Entry, OccluderId, OccluderIndex, PairVisibility};
+use super::{Between, Entry, OccluderId, OccluderIndex, PairVisibility, noise};
 
 /// A node of the tree of occluders, or an occluder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -240,7 +240,7 @@ impl OccluderIndex {
         let [low, high] = entry.plane.heights(from.corners);
         let (middle, reach) = (around.to.0.midpoint(around.to.1), (around.to.1 - around.to.0) * 0.5);
         let (height, off) = (entry.plane.height(middle), entry.plane.normal.abs().dot(reach));
-        let flat = IN_PLANE * from.rounding;
+        let flat = IN_PLANE * from.least_height(self.least_reach);
         let [least, greatest] = [entry.heights[0] + flat, entry.heights[1] - flat];
         !(low >= greatest && height - off >= greatest || high <= least && height + off <= least)
     }
@@ -288,7 +288,7 @@ impl OccluderIndex {
                 }
             }
         }
-        let may_be_sheet = self.slack > 0.0 && !from.is_parted_from(to, self.slack);
+        let may_be_sheet = !from.is_parted_from(to, self.slack.max(noise([from.corners, to.corners])));
         if scratch.is_empty() {
             let is_sheet = may_be_sheet && self.are_sides_of_a_sheet(from.corners, to.corners);
             let visibility = if is_sheet {

@@ -11,8 +11,8 @@ use radiosity::scene::topology::{Enclosure, is_watertight};
 use radiosity::scene::{Corners, FaceId, Scene, builtin, write_obj};
 
 use crate::program::{document, radiosity, stderr};
-use crate::support::n_cases;
 use crate::support::rooms::{Prepared, Shapes, moved, with_decimals};
+use crate::support::{Uniform, n_cases};
 
 /// A room of 4 m × 4 m × 3 m: faces 0 to 5.
 fn room() -> Shapes {
@@ -558,6 +558,45 @@ fn sheets_in_a_room_do_not_open_it_and_their_backs_count() {
 }
 
 /// A T-junction room in a file, and what flags say of it, and of one with a hole.
+/// Corners of the two sides that were computed in different ways are some ulps apart: the sides then cross, or face each other across next to nothing.
+#[test]
+fn the_sides_of_a_sheet_see_the_room_and_not_each_other() {
+    for seed in 0..24 {
+        let mut random = Uniform(seed);
+        let axis = DVec3::new(random.next() - 0.5, random.next() - 0.5, random.next() - 0.5);
+        let turn = DQuat::from_axis_angle(axis.normalize(), random.between(0.0, 3.0));
+        let (most, middle) = (random.scale(1e-16, 1e-11), DVec3::new(3.0, 2.5, 2.0));
+        let sheet = [[2.0, 1.0, 1.0], [2.5, 4.0, 1.0], [2.5, 4.0, 3.0], [2.0, 1.0, 3.0]].map(DVec3::from);
+        let mut side = |reversed: bool| {
+            let mut corners = sheet.map(|v| {
+                let off = DVec3::new(random.next() - 0.5, random.next() - 0.5, random.next() - 0.5);
+                middle + turn * (v - middle) + 12.0 * most * off
+            });
+            if reversed {
+                corners.reverse();
+            }
+            corners
+        };
+        let sides = [side(false), side(true)];
+        let mut shapes = Shapes::default();
+        shapes.cuboid(DVec3::ZERO, 2.0 * middle, turn, true);
+        for corners in &sides {
+            shapes.face(corners);
+        }
+        let found = Prepared::new(shapes.scene(), 1).compute(&ExactMethod::default());
+        for i in 0..8 {
+            let (sum, stated) = (0..8).fold((0.0, 0.0), |(sum, stated), j| {
+                (sum + found.get(i, j), stated + found.std_error(i, j))
+            });
+            assert!(
+                (sum - 1.0).abs() <= stated + 1e-9,
+                "seed {seed} {most:e}: row {i}: {sum} {stated:e}"
+            );
+        }
+        assert!(found.get(6, 7) < 1e-12, "seed {seed} {most:e}: {}", found.get(6, 7));
+    }
+}
+
 #[test]
 fn a_user_may_say_that_a_room_is_closed_or_open() {
     let directory = tempfile::tempdir().unwrap();

@@ -321,6 +321,61 @@ fn patches_under_a_box_see_nothing_and_the_others_lose_nothing() {
     }
 }
 
+/// A wall and its upper part make one plane but for a lean of any size: as one occluder they would stand before the lower part.
+#[test]
+fn a_wall_whose_upper_part_leans_a_little_sees_what_it_saw() {
+    let at = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
+    let mut random = Uniform(3);
+    let mut n = 0;
+    for exponent in 0..17 {
+        for turned in [false, true] {
+            let turn = if turned {
+                DQuat::from_axis_angle(at(1.0, 2.0, 2.0) / 3.0, random.between(0.1, 3.0))
+            } else {
+                DQuat::IDENTITY
+            };
+            let factors = |leans: [f64; 2]| {
+                let mut shapes = Shapes::default();
+                let mut face = |corners: [DVec3; 4]| shapes.face(&corners.map(|v| turn * v));
+                face([
+                    at(1.5, 0.0, 0.0),
+                    at(1.5, 2.4, 0.0),
+                    at(1.5, 2.4, 3.3),
+                    at(1.5, 0.0, 3.3),
+                ]);
+                face([
+                    at(3.8, 3.4, 2.0),
+                    at(3.8, 5.9, 2.0),
+                    at(3.8, 5.9, 0.0),
+                    at(3.8, 3.4, 0.0),
+                ]);
+                let [near, far] = leans.map(|lean| 3.8 - lean);
+                face([
+                    at(near, 3.4, 3.3),
+                    at(far, 5.9, 3.3),
+                    at(3.8, 5.9, 2.0),
+                    at(3.8, 3.4, 2.0),
+                ]);
+                let found = compute(&Prepared::new(shapes.scene(), 1), 1e-6);
+                [(1, 0), (2, 0), (0, 1)].map(|(i, j)| (found.factors.get(i, j), found.factors.std_error(i, j)))
+            };
+            let lean = 1e-15 * 10.0_f64.powf(0.25 * f64::from(exponent)) * random.between(1.0, 1.7);
+            let upright = factors([0.0; 2]);
+            for leans in [[lean, 0.3 * lean], [-lean, -0.2 * lean], [lean, -lean]] {
+                for ((value, stated), (expected, own)) in factors(leans).into_iter().zip(upright) {
+                    let off = (value - expected).abs();
+                    assert!(
+                        off <= stated + own + 1e-9,
+                        "{leans:?} {turned}: {value}, not {expected}"
+                    );
+                    n += usize::from(expected > 0.01);
+                }
+            }
+        }
+    }
+    assert!(n > 200, "{n}");
+}
+
 /// A patch lies under a box that stands askew, or outside of it, and loses nothing there: none does both where faces end at its walls.
 #[test]
 fn faces_that_end_at_walls_lie_on_one_side_of_them() {

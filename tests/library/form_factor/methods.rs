@@ -12,6 +12,7 @@ use radiosity::form_factor::{
 use radiosity::matrix::FormFactors;
 use radiosity::scene::builtin;
 
+use crate::support::n_cases;
 use crate::support::rooms::{Prepared, Shapes, names, quick};
 
 const PARALLEL: f64 = 0.199_824_895_698_387_38;
@@ -417,7 +418,10 @@ fn the_error_covers_the_rule_and_the_shadows_that_few_points_miss() {
             ("hemicube", 1),
             ("hemicube", 2),
             ("hemicube", 3),
-        ] {
+        ]
+        .into_iter()
+        .step_by(n_cases(2, 1))
+        {
             let settings = MethodSettings::default().with(&POINTS, q);
             let method = method(name, &settings).unwrap();
             let surfaces = scene.by_surface(&scene.compute(&*method));

@@ -10,7 +10,7 @@ use radiosity::matrix::{FormFactors, Need, RepairKind, Sampling};
 use radiosity::scene::{Scene, builtin};
 
 use crate::support::rooms::{Prepared, Shapes};
-use crate::support::{dense, relative_error, solve_direct};
+use crate::support::{dense, n_cases, relative_error, solve_direct};
 
 /// Repairs in the order of the table's columns.
 const REPAIRS: [RepairKind; 4] = [
@@ -143,10 +143,9 @@ impl Case {
 /// The repair that a solver gets by default leaves a smaller error of B than none, or as small a one: with low-discrepancy rays pooled rows, with random ones closure by variances.
 #[test]
 fn the_default_repair_does_not_raise_the_error() {
-    for (scene_name, scene, subdivide, n_lamps) in scenes() {
-        if scene_name.contains("432") {
-            continue;
-        }
+    let small = scenes().into_iter().filter(|(name, ..)| !name.contains("432"));
+    // Every other one is open or closed, occluded or not.
+    for (scene_name, scene, subdivide, n_lamps) in small.step_by(n_cases(2, 1)) {
         let case = Case::new(scene, subdivide, n_lamps);
         for (name, sequence, sampling) in [
             ("sr", Some(Sequence::Sobol), Sampling::Nets),

@@ -13,7 +13,7 @@ use crate::support::{Uniform, all_storages, bits, dense, n_cases, storage};
 
 /// Returns sizes around the side of a tile, 64.
 fn sizes() -> &'static [usize] {
-    n_cases::<&[usize]>(&[1, 64, 65, 203], &[1, 5, 63, 64, 65, 128, 203])
+    n_cases::<&[usize]>(&[1, 64, 65, 131], &[1, 5, 63, 64, 65, 128, 131, 203])
 }
 
 struct Exchange {

@@ -10,7 +10,7 @@ use crate::support::n_cases;
 
 #[test]
 fn estimates_hold_against_much_tighter_runs() {
-    expect_estimates_to_hold(17, n_cases(25, 50));
+    expect_estimates_to_hold(17, n_cases(15, 50));
 }
 
 #[test]

@@ -479,3 +479,19 @@ fn a_wall_between_the_halves_of_two_near_squares_hides_what_it_does() {
         }
     }
 }
+
+/// Strips beside a low edge follow the view on its own scale: cells halved alike in both directions would be a million where they are as narrow as the gap.
+#[test]
+fn a_low_wall_in_a_narrow_gap_takes_few_evaluations() {
+    for (gap, tolerance) in [(1e-4, 1e-5), (1e-5, 1e-7), (1e-6, 1e-7)] {
+        let accuracy = Accuracy {
+            tolerance,
+            budget: BUDGET,
+        };
+        let height = 0.5 * gap;
+        let wall = [(0.0, 0.0), (1.0, 0.0), (1.0, height), (0.0, height)].map(|(y, z)| DVec3::new(0.3, y, z));
+        let polygons = squares_with_a_wall(gap, wall);
+        let found = exchange_area(&polygons[0], &polygons[1], &two_sided(&polygons[2..]), accuracy);
+        assert!(found.reached && found.n_evaluations < 6_000, "{gap:e} {found:?}");
+    }
+}

@@ -187,6 +187,7 @@ fn deflation_bears_some_noise() {
     for dark in [0.3, 1e-2] {
         let reflectance = constant(200, 1.0 - dark);
         let system = system(&noisy, &reflectance, &exitance);
+        let expected = solve_direct(&dense(&noisy), &reflectance, &exitance);
         let passes = |deflation: Deflate| {
             let options = SolveOptions {
                 allow_nonreciprocal: true,
@@ -194,7 +195,6 @@ fn deflation_bears_some_noise() {
             };
             let solution = run(&Pcg { deflation }, &system, &options);
             assert_eq!(solution.stop_reason, StopReason::Converged);
-            let expected = solve_direct(&dense(&noisy), &reflectance, &exitance);
             let error = relative_error(noisy.areas(), &solution.radiosity, &expected);
             assert!(error <= solution.error_bound.unwrap(), "{error:e}");
             solution.n_passes
