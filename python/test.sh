@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
 # Installs the Python package as `pip install ./python` does, in an environment of its own under target/, and runs its tests.
+# With `--environment` it installs the packages that the tests need, and no more.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 environment=target/python
@@ -16,6 +17,10 @@ if ! [ -x "$environment/bin/pip" ]; then
     }
 fi
 "$environment/bin/pip" install -q --upgrade "pip>=21.3"
+if [ "${1-}" = --environment ]; then
+    grep -E '^(dependencies|sparse|mesh|plot|bar|test) = ' python/pyproject.toml | grep -oE '"[^"]+"' | tr -d '"' >"$environment/needs.txt"
+    exec "$environment/bin/pip" install -q -r "$environment/needs.txt"
+fi
 # With the features of the program, so that the library is not built a second time; FEATURES names others.
 MATURIN_PEP517_ARGS="--features ${FEATURES:-radiosity/default}" "$environment/bin/pip" install -q "./python[test,sparse,mesh,plot,bar]"
 cd python

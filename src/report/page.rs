@@ -185,8 +185,9 @@ impl Page<'_> {
 /// Returns the start of the part that scrolls with a table, named after the heading above.
 fn region(heading: &str, n_columns: usize) -> String {
     let class = if n_columns < MIN_BROAD { "wide" } else { "wide broad" };
+    let kind = if heading.starts_with("Table") { "" } else { "Table: " };
     let name = escaped(heading);
-    format!("<div class=\"{class}\" role=\"region\" aria-label=\"Table: {name}\" tabindex=\"0\">")
+    format!("<div class=\"{class}\" role=\"region\" aria-label=\"{kind}{name}\" tabindex=\"0\">")
 }
 
 /// Adds the list of marks, as a narrow screen does not show the legend of a plot.

@@ -102,10 +102,7 @@ impl<'a> Shaft<'a> {
         } else {
             (1, 0)
         };
-        let (low, high) = bounds(ends[large].part.iter());
-        let apart = (low - smaller.middle()).max(smaller.middle() - high).max(DVec3::ZERO);
-        let near = smaller.reach + apart.length();
-        ends[large].most = [near, ends[small].rounding.max(MIN_HEIGHT * near)];
+        ends[large].most = ends[large].as_seen_from(&ends[small]);
         let parts = [in_front(p, &ends[1], &smaller)?, in_front(q, &ends[0], &smaller)?];
         for (end, part) in ends.iter_mut().zip(parts) {
             end.part = part;
@@ -382,6 +379,15 @@ impl<'a> Shaft<'a> {
 }
 
 impl End<'_> {
+    /// Returns the most that this end adds to the neglected border as a width, and as rounding, where the other end is smaller.
+    fn as_seen_from(&self, smaller: &Self) -> [f64; 2] {
+        let (low, high) = bounds(self.part.iter());
+        let middle = smaller.lean.middle();
+        let apart = (low - middle).max(middle - high).max(DVec3::ZERO);
+        let near = smaller.lean.reach + apart.length();
+        [near, smaller.rounding.max(MIN_HEIGHT * near)]
+    }
+
     /// Returns the width of the neglected border where the hull has this width.
     ///
     /// The larger end counts as far as the smaller one sees it: a border beside it that is 1e-10 of a ground that reaches to the horizon would hide all that stands before a wall on that ground.

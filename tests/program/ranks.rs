@@ -171,12 +171,8 @@ fn light_and_pictures_are_the_same_bytes_on_any_number_of_ranks() {
         "B.csv",
     ];
     for (k, solver) in ["auto", "gauss-seidel", "pcg"].into_iter().enumerate() {
-        expect_equal_on(
-            in_turn(k),
-            at,
-            &[&solve[..], &["--solver", solver]].concat(),
-            &["B.csv"],
-        );
+        let solve = [&solve[..], &["--solver", solver]].concat();
+        expect_equal_on(in_turn(k), at, &solve, &["B.csv"]);
     }
     // Rows in parts: pooled, averaged with their reverse ones, and as they are.
     let solves = [

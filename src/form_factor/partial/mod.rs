@@ -262,14 +262,32 @@ pub(super) fn uncut(sides: [&[DVec3]; 2], occluders: &[Occluder<'_>], goal: f64,
 
 /// Chooses the polygon to integrate over: the one that is farther from all occluders in units of its own size, because shadows are softer there.
 fn first_receives(sides: &[Vec<DVec3>; 2], occluders: &[Occluder<'_>]) -> bool {
-    let [p, q] = sides.each_ref().map(|side| {
+    let share = |side: &[DVec3], gap: &dyn Fn(&[DVec3]) -> f64| {
         let (low, high) = bounds(side);
-        let gap = occluders.iter().map(|occluder| {
-            let (l, h) = bounds(&occluder.corners);
+        let gaps = occluders.iter().map(|occluder| gap(&occluder.corners));
+        gaps.fold(f64::INFINITY, f64::min) / (high - low).length_squared()
+    };
+    let beside = |side: &Vec<DVec3>| {
+        let (low, high) = bounds(side);
+        share(side, &|corners| {
+            let (l, h) = bounds(corners);
             (l - high).max(low - h).max(DVec3::ZERO).length_squared()
-        });
-        gap.fold(f64::INFINITY, f64::min) / (high - low).length_squared()
-    });
+        })
+    };
+    let above = |side: &Vec<DVec3>| {
+        let plane = Flat::of(side);
+        share(side, &|corners| {
+            let heights = corners.iter().map(|&v| plane.height(v));
+            let (lowest, highest) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+            lowest.max(-highest).max(0.0).powi(2)
+        })
+    };
+    let mut shares = sides.each_ref().map(beside);
+    if shares.iter().all(|&share| share <= 0.0) {
+        // Boxes around turned polygons meet although these are apart.
+        shares = sides.each_ref().map(above);
+    }
+    let [p, q] = shares;
     let position = |k: usize| polygon::centroid(&sides[k]);
     let by_place = || position(0).to_array().partial_cmp(&position(1).to_array());
     p.total_cmp(&q)

@@ -177,15 +177,20 @@ fn join_neighbours(scene: &Scene, sets: &mut DisjointSets) -> Vec<(u32, [u32; 2]
 
 /// Returns for each piece whether it lies in one plane.
 fn flat_ones(scene: &Scene, of_face: &[u32], n: usize) -> Vec<bool> {
-    let tolerance = joint(scene);
-    let mut planes: Vec<Option<(DVec3, DVec3)>> = vec![None; n];
+    // Rounding turns the plane of a large face the least, and moves what lies beside it by some times its tolerance.
+    let tolerance = 4.0 * joint(scene);
+    let mut largest = vec![(DVec3::ZERO, DVec3::ZERO); n];
+    for (face, &piece) in scene.face_ids().zip(of_face) {
+        let (of_piece, own) = (&mut largest[piece as usize], scene.area_vector(face));
+        if own.length_squared() > of_piece.1.length_squared() {
+            *of_piece = (scene.polygon(face)[0], own);
+        }
+    }
     let mut is_flat = vec![true; n];
     for (face, &piece) in scene.face_ids().zip(of_face) {
+        let (origin, vector) = largest[piece as usize];
+        let normal = vector.normalize_or_zero();
         let corners = scene.positions(&scene.faces[face.0 as usize]);
-        let plane = planes[piece as usize];
-        let (origin, normal) =
-            plane.unwrap_or_else(|| (corners[0], polygon::area_vector(&corners).normalize_or_zero()));
-        planes[piece as usize] = Some((origin, normal));
         is_flat[piece as usize] &= corners.iter().all(|&v| normal.dot(v - origin).abs() <= tolerance);
     }
     is_flat

@@ -116,7 +116,8 @@ impl Entry {
 /// has there (and 16 ulps of the coordinates that matter there), below which a face does not count as reaching in between. The tolerance beside a small patch does not grow with the size or the distance of the other.
 /// Where the scene's coordinates were rounded, as those of a file with six decimals, two units of their last digit are added (see the source of `Scene::slack`):
 /// faces that were meant to touch do not occlude each other, and the two sides of a sheet that rounding has parted do not see each other.
-/// Faces that only touch the convex hull of the two polygons (neighbours, walls that they stand on or lie in) are not occluders.
+/// Faces that only touch the convex hull of the two polygons (neighbours, walls that they stand on or lie in) are not occluders. Neither are faces in the plane of one of them that
+/// computation has moved off it by up to 1e-10 of the smaller one's size, and two patches in one such plane do not see each other; parallel planes bound a gap that was meant, however narrow.
 ///
 /// Source: the shaft of E. A. Haines and J. R. Wallace, "Shaft Culling for Efficient Ray-Traced Radiosity", 1991.
 /// Departures: the hull of the two polygons itself, not of their boxes.
@@ -477,9 +478,8 @@ fn each_of(among: &[OccluderId]) -> impl FnOnce(&mut dyn FnMut(OccluderId) -> bo
     }
 }
 
-/// The distance of two polygons that were meant to lie in one plane and whose corners were computed in different ways: in units of 16 ulps of their coordinates, and of the smaller one's size.
-const COMPUTED: f64 = 16.0;
-const COMPUTED_BY_SIZE: f64 = 1e-9;
+/// The distance of two polygons that were meant to lie in one plane and whose corners were computed in different ways, as a part of the smaller one's size.
+const COMPUTED: f64 = 1e-10;
 
 /// Returns the distance by which computation, with cancellation, may have parted two polygons.
 ///
@@ -493,7 +493,7 @@ fn noise(polygons: [&[DVec3]; 2]) -> f64 {
             .fold(0.0, f64::max)
     };
     let smaller = polygons.map(size).into_iter().fold(f64::INFINITY, f64::min).sqrt();
-    (COMPUTED * p.max(q)).max(COMPUTED_BY_SIZE * smaller)
+    p.max(q).max(COMPUTED * smaller)
 }
 
 /// The share of the greatest height below which heights may differ across a gap that was meant, between parallel plates.

@@ -283,27 +283,25 @@ fn open_factor(p: &[DVec3], q: &[DVec3]) -> f64 {
     exchange_area(&p, &q, Tolerance::default()).value / p.area()
 }
 
-/// Beside the patch the wall is a million times as wide as what of it is near.
+/// A wall that begins beside the patch is up to 1e10 times as large as what of it is near.
 #[test]
 fn a_plate_before_a_wall_that_begins_beside_the_patch_hides_what_it_would_receive() {
     for seed in 0..40 {
         let mut random = Uniform(6000 + seed);
-        let [left, right, top] = [0; 3].map(|_| random.scale(3.0, 3e10));
-        let foot = if random.next() < 0.5 {
-            0.0
-        } else {
-            -random.scale(1.0, 1e10)
-        };
-        let wall = [(1.0 + right, foot), (-left, foot), (-left, top), (1.0 + right, top)];
+        let size = random.scale(1e3, 3e10);
+        let [left, right, top] = [0; 3].map(|_| size * random.scale(0.03, 1.0));
+        let foot = if random.next() < 0.5 { 0.0 } else { -random.next() * top };
+        // Three corners are flat wherever they are rounded to.
+        let wall = [(1.0 + right, foot), (-left, foot), (0.5, top)];
         let (low, high) = (random.between(0.01, 0.1), random.between(0.2, 0.5));
         let plate = [(0.8, low), (0.2, low), (0.2, high), (0.8, high)];
-        let at = |x: f64, corners: [(f64, f64); 4]| corners.map(|(y, z)| DVec3::new(x, y, z)).to_vec();
+        let at = |x: f64, corners: &[(f64, f64)]| corners.iter().map(|&(y, z)| DVec3::new(x, y, z)).collect();
         let case = Case {
             patch: [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
                 .map(|(x, y)| DVec3::new(x, y, 0.0))
                 .to_vec(),
-            occluder: at(1.2, plate),
-            emitter: at(1.5, wall),
+            occluder: at(1.2, &plate),
+            emitter: at(1.5, &wall),
         };
         let (turn, scale) = (random.turn(), random.scale(1e-3, 1e3));
         let (value, stated, _) = factor(case.scene(1.0, &|v| scale * (turn * v)));
