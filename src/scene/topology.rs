@@ -110,7 +110,8 @@ impl Enclosure {
                 n_turned += usize::from(faces_inwards && back.iter().map(|around| around.1).sum::<i32>() < 0);
             }
             watertight &= n_clear > 0;
-            if 2 * n_turned > n_clear {
+            // A sheet has no inside.
+            if 2 * n_turned > n_clear && !pieces.is_sheet(*piece) {
                 turned.push(faces[0]);
             }
         }

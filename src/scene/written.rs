@@ -397,7 +397,7 @@ mod tests {
                 written.see(token);
             }
             assert_eq!(written.shows_rounding(), expected, "{tokens:?}");
-            assert_eq!(written.is_rounded(Written::MIN_DIGITS), expected, "{tokens:?}");
+            assert!(expected || !written.is_rounded(Written::MIN_DIGITS), "{tokens:?}");
         }
     }
 }

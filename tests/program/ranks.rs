@@ -2,7 +2,6 @@
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use radiosity::form_factor::registry::METHODS;
@@ -21,10 +20,21 @@ fn has_mpi() -> bool {
     cfg!(feature = "mpi")
 }
 
-/// Waits until no other test runs ranks: ranks that wait for a message keep a core busy.
-fn alone() -> MutexGuard<'static, ()> {
-    static RANKS: Mutex<()> = Mutex::new(());
-    RANKS.lock().unwrap_or_else(PoisonError::into_inner)
+/// One after the other: ranks that wait for a message keep a core busy, and tests that waited for one another would keep a thread.
+#[test]
+fn ranks_do_what_one_process_does() {
+    if !has_mpi() {
+        return;
+    }
+    form_factors_are_the_same_bytes_on_any_number_of_ranks();
+    light_and_pictures_are_the_same_bytes_on_any_number_of_ranks();
+    every_method_and_solver_gives_the_same_bytes_and_the_furnace();
+    a_solver_by_rows_is_refused_where_all_rows_do_not_fit_on_each_rank();
+    an_error_is_one_message_and_one_exit_code();
+    ranks_with_different_scenes_are_refused();
+    a_killed_rank_ends_all_and_a_later_run_goes_on();
+    #[cfg(target_os = "linux")]
+    a_rank_that_is_killed_in_a_pass_or_a_file_leaves_nothing();
 }
 
 /// Returns a command that runs a line of shell on so many ranks, each with the rank's number in `$PMI_RANK`.
@@ -38,7 +48,6 @@ fn ranks(n: usize, at: &Path, shell: &str) -> Command {
 /// Runs the program on so many ranks, one thread each.
 fn on_ranks(n: usize, at: &Path, arguments: &[&str]) -> Output {
     let all = [arguments, &["--threads", "1"]].concat();
-    let _alone = alone();
     ranks(n, at, "exec \"$0\" \"$@\"").args(all).output().unwrap()
 }
 
@@ -77,11 +86,7 @@ fn expect_equal_on(numbers: &[usize], at: &Path, arguments: &[&str], files: &[&s
     expected.0
 }
 
-#[test]
 fn form_factors_are_the_same_bytes_on_any_number_of_ranks() {
-    if !has_mpi() {
-        return;
-    }
     for (scene, cut) in [("room-box", "5"), ("crater", "1")] {
         let directory = with_scene(scene);
         let at = directory.path();
@@ -153,11 +158,7 @@ fn form_factors_are_the_same_bytes_on_any_number_of_ranks() {
     expect_equal(at, &[&cut[..], &rows].concat(), &["F.npz"]);
 }
 
-#[test]
 fn light_and_pictures_are_the_same_bytes_on_any_number_of_ranks() {
-    if !has_mpi() {
-        return;
-    }
     let directory = with_scene("room-box");
     let at = directory.path();
     let solve = [
@@ -257,11 +258,7 @@ fn light_and_pictures_are_the_same_bytes_on_any_number_of_ranks() {
 }
 
 /// Every method and every solver on ranks; in a closed room of one reflectance and one exitance, B = E / (1 − ρ) on every patch by every solver.
-#[test]
 fn every_method_and_solver_gives_the_same_bytes_and_the_furnace() {
-    if !has_mpi() {
-        return;
-    }
     let directory = with_scene("cube");
     let at = directory.path();
     let materials = ["wall", "light"].map(|name| format!("newmtl {name}\nKd 0.7 0.7 0.7\nKe 2.5 2.5 2.5\n"));
@@ -290,11 +287,7 @@ fn every_method_and_solver_gives_the_same_bytes_and_the_furnace() {
 }
 
 /// Form factors would fit in parts, and are refused to a solver that needs all of them on each rank.
-#[test]
 fn a_solver_by_rows_is_refused_where_all_rows_do_not_fit_on_each_rank() {
-    if !has_mpi() {
-        return;
-    }
     let directory = with_scene("room-box");
     let at = directory.path();
     let solve = ["solve", "scene.obj", "-o", "B.csv", "--form-factor-tolerance", "1e-2"];
@@ -316,11 +309,7 @@ fn a_solver_by_rows_is_refused_where_all_rows_do_not_fit_on_each_rank() {
 }
 
 /// One line, whatever went wrong on all ranks or on one, and one exit code.
-#[test]
 fn an_error_is_one_message_and_one_exit_code() {
-    if !has_mpi() {
-        return;
-    }
     let directory = with_scene("cube");
     let at = directory.path();
     let cases: [(&[&str], i32, &str); 5] = [
@@ -357,11 +346,7 @@ fn an_error_is_one_message_and_one_exit_code() {
     assert!(!names(at).contains(&"F.npz".to_owned()));
 }
 
-#[test]
 fn ranks_with_different_scenes_are_refused() {
-    if !has_mpi() {
-        return;
-    }
     let directory = with_scene("cube");
     let at = directory.path();
     succeed(at, &["scene", "room-box", "-o", "other.obj"]);
@@ -379,7 +364,6 @@ fn ranks_with_different_scenes_are_refused() {
 
 /// Runs the program on two ranks, and kills the second once `is_time`, which is given the numbers of both processes: all end, and none succeeds.
 fn kill_second(at: &Path, arguments: &[&str], is_time: impl Fn([u32; 2]) -> bool) {
-    let _alone = alone();
     let mut command = ranks(2, at, "echo $$ >pid.$PMI_RANK; exec \"$0\" \"$@\"");
     let mut child = command
         .args(arguments)
@@ -410,11 +394,7 @@ fn kill_second(at: &Path, arguments: &[&str], is_time: impl Fn([u32; 2]) -> bool
 }
 
 /// A rank is killed while form factors are computed: all end, no file is half-written, and runs on other numbers of ranks go on to the same bytes.
-#[test]
 fn a_killed_rank_ends_all_and_a_later_run_goes_on() {
-    if !has_mpi() {
-        return;
-    }
     let directory = with_scene("room-box");
     let at = directory.path();
     let work = "form-factors scene.obj --subdivide 10 --tolerance 1e-7 -o F.npz".split(' ');
@@ -443,12 +423,8 @@ fn a_killed_rank_ends_all_and_a_later_run_goes_on() {
 }
 
 /// The same in a pass, and while files are written: nothing is left, and the next run makes the bytes of one that nobody disturbed.
-#[test]
 #[cfg(target_os = "linux")]
 fn a_rank_that_is_killed_in_a_pass_or_a_file_leaves_nothing() {
-    if !has_mpi() {
-        return;
-    }
     let directory = with_scene("room-box");
     let at = directory.path();
     // Nothing but passes, each of which shoots all rays anew: half a second of them.
