@@ -17,7 +17,7 @@ use radiosity::scene::{Loaded, Material, MaterialId, SceneBuilder, SceneError, S
 /// - `city:N`: N x N houses on a ground, cut into faces of at most 10 m;
 /// - `tree:N`: N loose leaves, two faces each, over a ground and beside a wall;
 /// - `tubes:N`: three capped tubes of N sides in a room;
-/// - `duct:N`: three tubes of N sides between the ends of a duct of four walls;
+/// - `duct:N`: three tubes of N sides from end to end of a closed duct;
 /// - `quads:N`: N quads, turned by chance, with six decimals as in a file;
 /// - `gap:N`: two squares 10⁻ᴺ apart, with a wall between their halves.
 pub(crate) fn made(name: &str) -> Option<Result<Loaded, SceneError>> {
@@ -241,10 +241,7 @@ impl Faces {
         for [x, y] in [[0.0, 0.0], [1.6, 0.0], [0.8, 1.4]] {
             self.tube(DVec3::new(x, y, 0.0), 0.5, 4.0, n);
         }
-        // Without its ends.
-        for wall in &sides(DVec3::new(-3.0, -3.0, 0.0), DVec3::new(3.0, 3.0, 4.0))[..4] {
-            self.face(wall);
-        }
+        self.room(DVec3::new(-3.0, -3.0, 0.0), DVec3::new(3.0, 3.0, 4.0), 1);
     }
 
     /// Adds the upright sides of a tube, and returns its lower and upper ring.
