@@ -283,7 +283,7 @@ fn open_factor(p: &[DVec3], q: &[DVec3]) -> f64 {
     exchange_area(&p, &q, Tolerance::default()).value / p.area()
 }
 
-/// A wall that begins beside the patch is up to 1e10 times as large as what of it is near.
+/// The wall begins beside the patch, and is up to 3e10 times as large as the patch.
 #[test]
 fn a_plate_before_a_wall_that_begins_beside_the_patch_hides_what_it_would_receive() {
     for seed in 0..40 {
