@@ -43,7 +43,7 @@ impl Plane {
 /// The lean of a polygon's plane where its corners are rounded: the narrower the polygon, the more.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lean {
-    middle: DVec3,
+    pub(super) middle: DVec3,
     pub(super) reach: f64,
     /// The area by the greatest length.
     pub(super) width: f64,
@@ -58,11 +58,6 @@ impl Lean {
             reach,
             width: polygon::area_vector(corners).length() / (2.0 * reach),
         }
-    }
-
-    /// Returns the mean of the corners.
-    pub(super) fn middle(&self) -> DVec3 {
-        self.middle
     }
 
     /// Returns the greatest distance of a corner from the middle.

@@ -84,11 +84,12 @@ impl<'a> Shaft<'a> {
     /// Returns the shaft, or `None` if no point of one polygon's front sees the other's front. A face that reaches into it by less than `slack`, m, counts as touching.
     pub(crate) fn new(p: &'a [DVec3], q: &'a [DVec3], slack: f64) -> Option<Self> {
         let leans = [p, q].map(Lean::of);
-        let smaller = if leans[0].reach <= leans[1].reach {
-            leans[0]
+        let [small, large] = if leans[0].reach <= leans[1].reach {
+            [0, 1]
         } else {
-            leans[1]
+            [1, 0]
         };
+        let smaller = leans[small];
         let mut ends = [(p, leans[0]), (q, leans[1])].map(|(polygon, lean)| End {
             part: Cow::Borrowed(polygon),
             plane: Plane::of(polygon),
@@ -97,11 +98,6 @@ impl<'a> Shaft<'a> {
             lean,
             most: [f64::INFINITY; 2],
         });
-        let (small, large) = if leans[0].reach <= leans[1].reach {
-            (0, 1)
-        } else {
-            (1, 0)
-        };
         ends[large].most = ends[large].as_seen_from(&ends[small]);
         let parts = [in_front(p, &ends[1], &smaller)?, in_front(q, &ends[0], &smaller)?];
         for (end, part) in ends.iter_mut().zip(parts) {
@@ -382,7 +378,7 @@ impl End<'_> {
     /// Returns the most that this end adds to the neglected border as a width, and as rounding, where the other end is smaller.
     fn as_seen_from(&self, smaller: &Self) -> [f64; 2] {
         let (low, high) = bounds(self.part.iter());
-        let middle = smaller.lean.middle();
+        let middle = smaller.lean.middle;
         let apart = (low - middle).max(middle - high).max(DVec3::ZERO);
         let near = smaller.lean.reach + apart.length();
         [near, smaller.rounding.max(MIN_HEIGHT * near)]
