@@ -42,6 +42,9 @@ const AT_A_SIDE: f64 = 0.03;
 /// The fraction of a cell beyond the points on its border.
 const BEYOND_POINTS: f64 = 1e-3;
 
+/// How many times its mean the form factor at an edge of a polygon may be, seen from the polygon before it.
+const ROUNDED: f64 = 4.0;
+
 /// The part of the receiver's size up to which edges above it count as in its plane.
 const IN_PLANE: f64 = 1e-13;
 
@@ -50,6 +53,10 @@ pub(super) struct Sight {
     pub(super) receiver: Receiver,
     /// The target, its plane, and the half-planes that it is made of: seen from the origin of the receiver's frame.
     target: Vec<DVec3>,
+    /// The target seen from its own first corner: all its digits, however far off it is.
+    target_alone: Vec<DVec3>,
+    /// The largest coordinate of the target, seen from the origin of the receiver's frame.
+    apart: f64,
     target_plane: (DVec3, f64),
     target_sides: Vec<(DVec3, f64)>,
     shadows: Shadows,
@@ -111,6 +118,8 @@ impl Sight {
         Self {
             target_plane: (normal, normal.dot(moved[0])),
             target_sides: sides.collect(),
+            target_alone: target.iter().map(|&v| v - target[0]).collect(),
+            apart: moved.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max),
             target: moved,
             boxes: are_alike.then_some(boxes),
             receiver,
@@ -301,14 +310,31 @@ impl Sight {
     }
 
     /// Returns the exchange area of a cell without occluders, to within `error` or rounding.
+    ///
+    /// The larger one is moved into the frame of the smaller one, where rounding by δ displaces its edges: what that changes is stated.
     fn without_occluders(&self, shape: Shape, error: f64) -> Whole {
-        let corners: Vec<DVec3> = shape.corners().iter().map(|&v| self.receiver.offset(v)).collect();
-        let [cell, target] = [&corners, &self.target].map(|side| PreparedPolygon::new(side));
+        let cell: Vec<DVec3> = shape.corners().iter().map(|&v| self.receiver.offset(v)).collect();
+        let [mut cell, mut target] = [&cell, &self.target].map(|side| PreparedPolygon::new(side));
+        let perimeters = [cell.perimeter(), target.perimeter()];
+        if perimeters[1] < perimeters[0] {
+            let first = self.target[0];
+            let moved: Vec<DVec3> = shape
+                .corners()
+                .iter()
+                .map(|&v| self.receiver.offset(v) - first)
+                .collect();
+            [cell, target] = [&moved, &self.target_alone].map(|side| PreparedPolygon::new(side));
+        }
         let tolerance = Tolerance {
             rel: Whole::REL,
             abs: error.max(8.0 * f64::EPSILON * cell.perimeter() * target.perimeter()),
         };
-        Whole::between(&cell, &target, tolerance)
+        let whole = Whole::between(&cell, &target, tolerance);
+        let displaced = f64::EPSILON * self.apart * perimeters[0].max(perimeters[1]);
+        Whole {
+            error: whole.error + displaced.min(ROUNDED * displaced / cell.area().max(target.area()) * whole.area),
+            ..whole
+        }
     }
 
     /// Returns the integral of the part `base`, which is summed, over a cell, from whichever part is known better, its error, and how much of the error has the same sign in all cells;
