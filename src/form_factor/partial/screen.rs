@@ -30,19 +30,21 @@ impl Screen {
             return None;
         }
         // From the nearer end, whose digits count.
-        let crossing = if height_x.abs() <= height_y.abs() {
-            x + (y - x) * (height_x / (height_x - height_y))
+        let (near, crossing) = if height_x.abs() <= height_y.abs() {
+            (x, x + (y - x) * (height_x / (height_x - height_y)))
         } else {
-            y + (x - y) * (height_y / (height_y - height_x))
+            (y, y + (x - y) * (height_y / (height_y - height_x)))
         };
-        let tolerance = self.plane.tolerance(crossing, FLAT);
-        let is_inside = |&(corner, inward): &(DVec3, DVec3)| inward.dot(crossing - corner) > tolerance;
+        // Along a line that grazes the plane rounding of a height moves the crossing the farther, the flatter the line is.
+        let slant = (y - x).length() / (height_x - height_y).abs();
+        let along = slant * (self.plane.tolerance(near, FLAT) + self.plane.tolerance(crossing, FLAT));
+        let is_inside = |&(corner, inward): &(DVec3, DVec3)| inward.dot(crossing - corner) > along;
         if !self.corners.iter().all(is_inside) {
             return None;
         }
         let beyond = (crossing - v).dot(y - x);
-        let tolerance = self.plane.tolerance(v, FLAT);
-        (beyond.abs() > tolerance * (y - x).length()).then_some(beyond.total_cmp(&0.0))
+        let along = along.max(self.plane.tolerance(v, FLAT));
+        (beyond.abs() > along * (y - x).length()).then_some(beyond.total_cmp(&0.0))
     }
 
     /// Returns whether the vertex is a corner of the screen, or the edge one of its edges.

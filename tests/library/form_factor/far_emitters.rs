@@ -344,3 +344,67 @@ fn a_plate_before_an_emitter_up_to_a_billion_times_as_large_hides_what_it_would_
         );
     }
 }
+
+/// Returns the form factor from a patch to what it sees of an emitter beyond the edges of a ground at z = 0, with n² cells on each triangle of the patch.
+fn above_the_horizon(patch: &[DVec3], emitter: &[DVec3], ground: &[DVec3; 4], n: u32) -> f64 {
+    let normal = polygon::area_vector(patch).normalize();
+    let seen = |x: DVec3| {
+        // Behind the ground is a pyramid with its apex at the point.
+        let mut behind = clip_to_half_space(emitter, ground[0], -DVec3::Z);
+        for k in 0..4 {
+            let [a, b] = [k, (k + 1) % 4].map(|k| ground[k] - x);
+            behind = clip_to_half_space(&behind, x, b.cross(a));
+        }
+        point_form_factor(x, normal, emitter) - point_form_factor(x, normal, &behind)
+    };
+    let mut sum = 0.0;
+    let [a, b, c] = [patch[0], patch[1], patch[2]];
+    let corner = |i: u32, j: u32| a + (b - a) * (f64::from(i) / f64::from(n)) + (c - a) * (f64::from(j) / f64::from(n));
+    for i in 0..n {
+        for j in 0..n - i {
+            let lower = [corner(i, j), corner(i + 1, j), corner(i, j + 1)];
+            let upper = [corner(i + 1, j + 1), corner(i, j + 1), corner(i + 1, j)];
+            for cell in &[lower, upper][..if i + j + 1 < n { 2 } else { 1 }] {
+                let points = (0..3).map(|m| (cell[m] * 4.0 + cell[(m + 1) % 3] + cell[(m + 2) % 3]) / 6.0);
+                sum += points.map(seen).sum::<f64>() / 3.0;
+            }
+        }
+    }
+    sum / f64::from(n * n)
+}
+
+/// The ground is up to 1e6 times as wide as the patch above it, and the emitter up to 1e10 times as far off, on both sides of the horizon.
+#[test]
+fn a_patch_over_a_wide_ground_sees_what_is_above_the_horizon() {
+    for seed in 0..n_cases(60_u64, 2000) {
+        let mut random = Uniform(7000 + seed);
+        let turn = random.turn();
+        let (wide, far) = (random.scale(10.0, 1e6), random.scale(1e2, 1e10));
+        let triangle = [DVec3::ZERO, DVec3::X, DVec3::new(0.3, 0.8, 0.0)].map(|v| turn * v);
+        let lowest = triangle.iter().map(|v| v.z).fold(f64::INFINITY, f64::min);
+        let height = random.scale(0.01, 1e3) - lowest;
+        let patch = triangle.map(|v| v + DVec3::Z * height);
+        let ground = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| DVec3::new(x, y, 0.0) * wide);
+        let to = DQuat::from_rotation_z(random.between(0.0, TAU)) * DVec3::new(1.0, 0.0, random.between(-0.3, 0.3));
+        let back = DQuat::from_rotation_arc(DVec3::Z, -to.normalize());
+        let size = random.scale(0.1, 5.0);
+        let emitter: Vec<DVec3> = polygon_at(&mut random, to, back, size)
+            .into_iter()
+            .map(|v| v * far.max(10.0 * wide))
+            .collect();
+        let place = if seed % 3 == 0 { DQuat::IDENTITY } else { random.turn() };
+        let mut shapes = Shapes::default();
+        for corners in [&patch[..], &emitter, &ground] {
+            shapes.face(&corners.iter().map(|&v| place * v).collect::<Vec<_>>());
+        }
+        let (value, stated, computed) = factor(shapes);
+        let [coarse, truth] = [8, 16].map(|n| above_the_horizon(&patch, &emitter, &ground, n));
+        // Turned coordinates are rounded, and the ground with them.
+        let open = 3.0 * (truth - coarse).abs() + 1e-12 + 1e-15 * wide;
+        let off = (value - truth).abs();
+        assert!(
+            off <= 1.000_001 * stated + open && stated <= 1e-5 && computed.tolerance_met,
+            "seed {seed}, {wide:e} {far:e} {height:e}: {value} {truth} off {off:e} stated {stated:e} truth {open:e}"
+        );
+    }
+}
