@@ -26,6 +26,9 @@ const COVERED: f64 = 0.05;
 /// The uncertainty of a distance between planes in f64, in units of the greatest |coordinate|.
 const ULPS: f64 = 8.0 * f64::EPSILON;
 
+/// The gap between two parallel faces, in diameters of the smaller one, from which on it was meant: computed coordinates that should be equal are closer.
+const COMPUTED: f64 = 1e-10;
+
 /// The greatest angle between the normals of two faces in one plane, in rad; the normal of a narrow face is no more accurate.
 const PARALLEL: f64 = 0.14;
 
@@ -52,7 +55,7 @@ pub(super) struct Overlap {
 /// Returns two faces that overlap in one plane with the same winding, the one of the greater line first; of all such pairs, the first by their lines.
 ///
 /// Two faces lie in one plane where no corner of the smaller is further from the larger's plane than [`PLANARITY`] of its diameter and the rounding of the coordinates
-/// ([`Scene::slack`]). They overlap where the common part is wider (twice its area over its outline's length) than the rounding. The rounding follows the digits of the file
+/// ([`Scene::slack`]); faces that are exactly parallel are in one plane up to 1e-10 of the smaller one's diameter only. They overlap where the common part is wider (twice its area over its outline's length) than the rounding. The rounding follows the digits of the file
 /// ([`Written`](super::Written)), but is at least six digits of the scene's size and at most six digits of the coordinates. Faces that one outline was split into do not overlap.
 ///
 /// Where the file shows that it was rounded, faces that are not along the axes are off their plane by half a [unit](super::Written::unit) u of each coordinate. They then lie in one plane where, over
@@ -253,7 +256,12 @@ fn common_area([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2
         .min(PLANARITY * measures.diameter)
         .max(slack.min(off));
     let in_plane = is_level(small, PLANARITY * of_small.diameter + rounding + ulps);
-    if !in_plane && !is_rounded {
+    let is_gap = || {
+        let heights = small.iter().map(|&v| normal.dot(v - large[0]));
+        let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+        high - low <= ulps && low.max(-high) > COMPUTED * of_small.diameter + slack.min(off) + ulps
+    };
+    if !is_rounded && (!in_plane || is_gap()) {
         return None;
     }
     let mut shared = small.to_vec();
@@ -316,6 +324,24 @@ mod tests {
 
     fn lines(scene: &Scene) -> Option<[u32; 2]> {
         find(scene).map(|faces| faces.map(|face| scene.faces[face.0 as usize].line))
+    }
+
+    #[test]
+    fn parallel_faces_bound_a_gap_that_was_meant() {
+        let wall = rectangle([-1.0, 2.0], [-1.0, 2.0], 0.0);
+        for gap in [1e-3, 1e-4, 1e-5, 1e-7, 1e-8, 1e-9] {
+            for gap in [gap, -gap] {
+                let sheet = rectangle([0.2, 0.8], [0.1, 0.6], gap);
+                assert_eq!(lines(&scene(&[&wall, &sheet])), None, "{gap}");
+            }
+            // A sheet that leans was meant to lie on the wall, up to a millionth.
+            let mut leaning = rectangle([0.2, 0.8], [0.1, 0.6], 0.0);
+            leaning[2][2] = gap;
+            leaning[3][2] = gap;
+            assert_eq!(lines(&scene(&[&wall, &leaning])).is_some(), gap < 1e-6, "{gap}");
+        }
+        let computed = rectangle([0.2, 0.8], [0.1, 0.6], 1e-11);
+        assert_eq!(lines(&scene(&[&wall, &computed])), Some([2, 1]));
     }
 
     /// Returns a scene of upright faces, shifted far and written with some places after the point.
