@@ -86,7 +86,7 @@ fn every_command_that_writes_says_that_there_is_no_room() {
         "64",
         "-o",
     ];
-    let picture = ["--camera", "unfolded", "--width", "64", "-o"];
+    let picture = ["--camera", "unfolded", "--width", "24", "-o"];
     let mut cases: Vec<(Vec<&str>, &str)> = vec![(scene.to_vec(), "full/s.obj")];
     for file in ["full/F.npz", "full/F.npy", "full/F.mtx", "full/F.exr", "full/F.vtu"] {
         cases.push(([&factors[..], &[file]].concat(), file));

@@ -301,7 +301,7 @@ fn auto_is_the_default_and_says_what_it_took() {
             "solve",
             "scene.obj",
             "--subdivide",
-            "4",
+            "2",
             "--method",
             "sr",
             "--rays",

@@ -80,14 +80,14 @@ fn room(n_triangles: impl Into<proptest::collection::SizeRange>) -> impl Strateg
         .prop_map(|(size, boxes, triangles)| Room { size, boxes, triangles })
 }
 
-/// So many cases from a seed, or a third of them (see `n_cases`), which `PROPTEST_RNG_SEED` and `PROPTEST_CASES` replace. What fails is kept beside this file, and tried first from then on.
+/// So many cases from a seed, or a quarter of them (see `n_cases`), which `PROPTEST_RNG_SEED` and `PROPTEST_CASES` replace. What fails is kept beside this file, and tried first from then on.
 fn cases(n: u32, seed: u64) -> ProptestConfig {
     let asked = ProptestConfig::default();
     ProptestConfig {
         cases: if std::env::var_os("PROPTEST_CASES").is_some() {
             asked.cases
         } else {
-            n_cases(n.div_ceil(3), n)
+            n_cases(n.div_ceil(4), n)
         },
         rng_seed: match asked.rng_seed {
             RngSeed::Random => RngSeed::Fixed(seed),
