@@ -55,7 +55,7 @@ pub(super) struct Overlap {
 /// Returns two faces that overlap in one plane with the same winding, the one of the greater line first; of all such pairs, the first by their lines.
 ///
 /// Two faces lie in one plane where no corner of the smaller is further from the larger's plane than [`PLANARITY`] of its diameter and the rounding of the coordinates
-/// ([`Scene::slack`]); faces that are exactly parallel are in one plane up to 1e-10 of the smaller one's diameter only. They overlap where the common part is wider (twice its area over its outline's length) than the rounding. The rounding follows the digits of the file
+/// ([`Scene::slack`]); faces that are exactly parallel are in one plane only up to 1e-10 of the smaller one's diameter, or two units of the last digit where the file shows rounding. They overlap where the common part is wider (twice its area over its outline's length) than the rounding. The rounding follows the digits of the file
 /// ([`Written`](super::Written)), but is at least six digits of the scene's size and at most six digits of the coordinates. Faces that one outline was split into do not overlap.
 ///
 /// Where the file shows that it was rounded, faces that are not along the axes are off their plane by half a [unit](super::Written::unit) u of each coordinate. They then lie in one plane where, over
@@ -114,6 +114,8 @@ pub(super) fn all(scene: &Scene) -> Vec<Overlap> {
 struct Search<'a> {
     scene: &'a Scene,
     slack: f64,
+    /// Whether the file shows that its coordinates were rounded.
+    shows_rounding: bool,
     measured: Vec<Measures>,
 }
 
@@ -131,7 +133,12 @@ impl<'a> Search<'a> {
             let margin = PLANARITY * measures.diameter + ULPS * measures.greatest + of_digits;
             (low - margin, high + margin)
         });
-        let search = Self { scene, slack, measured };
+        let search = Self {
+            scene,
+            slack,
+            shows_rounding: scene.written.is_some_and(|written| written.shows_rounding()),
+            measured,
+        };
         (search, boxes)
     }
 
@@ -152,7 +159,9 @@ impl<'a> Search<'a> {
         if of_a.area < of_b.area {
             larger_first.reverse();
         }
-        common_area(larger_first, self.slack)
+        let off = of_a.off.max(of_b.off);
+        let least_gap = if self.shows_rounding { off } else { self.slack.min(off) };
+        common_area(larger_first, self.slack, least_gap)
     }
 }
 
@@ -229,7 +238,13 @@ fn is_along_axes(corners: &[DVec3]) -> bool {
 }
 
 /// Returns the common area of two faces with nearly the same normal, the larger first, where they lie in one plane and share more than rounding explains.
-fn common_area([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2], slack: f64) -> Option<f64> {
+///
+/// A gap of up to `least_gap` between parallel faces may be due to rounding.
+fn common_area(
+    [(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2],
+    slack: f64,
+    least_gap: f64,
+) -> Option<f64> {
     let normal = measures.normal;
     let strip = measures.strip.max(of_small.strip);
     let off = measures.off.max(of_small.off);
@@ -259,7 +274,7 @@ fn common_area([(large, measures), (small, of_small)]: [(&[DVec3], &Measures); 2
     let is_gap = || {
         let heights = small.iter().map(|&v| normal.dot(v - large[0]));
         let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
-        high - low <= ulps && low.max(-high) > COMPUTED * of_small.diameter + slack.min(off) + ulps
+        high - low <= ulps && low.max(-high) > COMPUTED * of_small.diameter + least_gap + ulps
     };
     if !is_rounded && (!in_plane || is_gap()) {
         return None;
@@ -330,9 +345,9 @@ mod tests {
     fn parallel_faces_bound_a_gap_that_was_meant() {
         let wall = rectangle([-1.0, 2.0], [-1.0, 2.0], 0.0);
         for gap in [1e-3, 1e-4, 1e-5, 1e-7, 1e-8, 1e-9] {
-            for gap in [gap, -gap] {
-                let sheet = rectangle([0.2, 0.8], [0.1, 0.6], gap);
-                assert_eq!(lines(&scene(&[&wall, &sheet])), None, "{gap}");
+            for height in [gap, -gap] {
+                let sheet = rectangle([0.2, 0.8], [0.1, 0.6], height);
+                assert_eq!(lines(&scene(&[&wall, &sheet])), None, "{height}");
             }
             // A sheet that leans was meant to lie on the wall, up to a millionth.
             let mut leaning = rectangle([0.2, 0.8], [0.1, 0.6], 0.0);
