@@ -115,7 +115,7 @@ fn storage_changes_no_error() {
     let errors = |more: &[&str]| -> (Vec<(u64, f64, f64, f64)>, Value) {
         let arguments = [
             "compare",
-            "cornell-box",
+            "cube",
             "--subdivide",
             "2",
             "--seeds",
