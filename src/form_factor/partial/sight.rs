@@ -42,8 +42,8 @@ const AT_A_SIDE: f64 = 0.03;
 /// The fraction of a cell beyond the points on its border.
 const BEYOND_POINTS: f64 = 1e-3;
 
-/// How many times its mean the form factor at an edge of a polygon may be, seen from the polygon before it.
-const ROUNDED: f64 = 4.0;
+/// The greatest form factor from the edge of a polygon to another, as a multiple of its mean over the polygon.
+const AT_AN_EDGE: f64 = 4.0;
 
 /// The part of the receiver's size up to which edges above it count as in its plane.
 const IN_PLANE: f64 = 1e-13;
@@ -313,26 +313,23 @@ impl Sight {
     ///
     /// The larger one is moved into the frame of the smaller one, where rounding by δ displaces its edges: what that changes is stated.
     fn without_occluders(&self, shape: Shape, error: f64) -> Whole {
-        let cell: Vec<DVec3> = shape.corners().iter().map(|&v| self.receiver.offset(v)).collect();
-        let [mut cell, mut target] = [&cell, &self.target].map(|side| PreparedPolygon::new(side));
-        let perimeters = [cell.perimeter(), target.perimeter()];
-        if perimeters[1] < perimeters[0] {
-            let first = self.target[0];
-            let moved: Vec<DVec3> = shape
-                .corners()
-                .iter()
-                .map(|&v| self.receiver.offset(v) - first)
-                .collect();
-            [cell, target] = [&moved, &self.target_alone].map(|side| PreparedPolygon::new(side));
+        let mut cell: Vec<DVec3> = shape.corners().iter().map(|&v| self.receiver.offset(v)).collect();
+        let mut target = &self.target;
+        if polygon::perimeter(target) < polygon::perimeter(&cell) {
+            for v in &mut cell {
+                *v -= self.target[0];
+            }
+            target = &self.target_alone;
         }
+        let [cell, target] = [&cell, target].map(|side| PreparedPolygon::new(side));
         let tolerance = Tolerance {
             rel: Whole::REL,
             abs: error.max(8.0 * f64::EPSILON * cell.perimeter() * target.perimeter()),
         };
         let whole = Whole::between(&cell, &target, tolerance);
-        let displaced = f64::EPSILON * self.apart * perimeters[0].max(perimeters[1]);
+        let displaced = f64::EPSILON * self.apart * cell.perimeter().max(target.perimeter());
         Whole {
-            error: whole.error + displaced.min(ROUNDED * displaced / cell.area().max(target.area()) * whole.area),
+            error: whole.error + displaced.min(AT_AN_EDGE * displaced / cell.area().max(target.area()) * whole.area),
             ..whole
         }
     }
