@@ -1,14 +1,10 @@
 //! `direct`: dense factorisation.
 
-use std::num::NonZeroUsize;
-
-use faer::{Mat, Par};
-
 use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
 use super::history::Monitor;
 use super::iteration::{self, Estimate, Iteration};
-use super::lu::Lu;
+use super::lu::{Dense, Lu};
 use super::scaled::{Scaled, TrueResidual};
 use super::settings::SolverSettings;
 use super::solve::{SolveOptions, SolveResult, Solver};
@@ -26,9 +22,9 @@ use crate::matrix::operator::{Block, RowAccess};
 /// Needs rows, not reciprocity. Memory: 8 n² bytes for each distinct reflectance, refused above [`memory_limit_byte`](Self::memory_limit_byte).
 /// Work: n / 3 passes' worth of multiplications for each factorisation, about n / 8 in time since they run in the cache, or n / 4 of passes over half of a symmetric matrix; and 2 passes for
 /// each solve.
-/// The sums are divided in the same way at any number of threads.
+/// Every sum has the same order at any number of threads.
 ///
-/// Source: Golub and Van Loan, "Matrix Computations", 4th edition, algorithms 3.4.1 and section 3.5.3. Departures: none.
+/// Source: Golub and Van Loan, "Matrix Computations", 4th edition, algorithm 3.4.1, and sections 3.4.7 and 3.5.3. Departures: none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Direct {
     /// The most memory that factorisations may take, in bytes.
@@ -98,18 +94,6 @@ pub(super) fn memory_byte(n_patches: usize, n_factorisations: usize) -> u64 {
     8 * (n_patches as u64).pow(2) * n_factorisations as u64
 }
 
-/// The number of patches below which one thread does all: blocks of so small a matrix are soon done.
-const SMALL: usize = 256;
-
-/// Returns the parts into which the sums for n patches are divided, whatever the number of threads: equal parts give equal bytes.
-fn parts(n: usize) -> Par {
-    if n < SMALL {
-        Par::Seq
-    } else {
-        Par::Rayon(const { NonZeroUsize::new(8).expect("positive") })
-    }
-}
-
 struct State<'a> {
     scaled: &'a Scaled<'a>,
     rows: &'a dyn RowAccess,
@@ -125,11 +109,11 @@ struct State<'a> {
 fn factored(scaled: &Scaled, rows: &dyn RowAccess, channel: usize) -> Lu {
     let system = scaled.system;
     let n = system.n_patches();
-    let mut matrix = Mat::<f64>::zeros(n, n);
+    let mut matrix = Dense::zeros(n);
     for i in 0..n {
         let rho = system.reflectance().row(i)[channel];
-        rows.visit_row(i, &mut |j, f| matrix[(i, j)] = -rho * f);
-        matrix[(i, i)] += 1.0;
+        rows.visit_row(i, &mut |j, f| *matrix.at_mut(i, j) = -rho * f);
+        *matrix.at_mut(i, i) += 1.0;
     }
     for component in system.singular_components(channel) {
         let labels = &system.components().labels;
@@ -137,11 +121,11 @@ fn factored(scaled: &Scaled, rows: &dyn RowAccess, channel: usize) -> Lu {
         let area: f64 = members.iter().map(|&i| scaled.areas[i]).sum();
         for &i in &members {
             for &j in &members {
-                matrix[(i, j)] += scaled.areas[j] / area;
+                *matrix.at_mut(i, j) += scaled.areas[j] / area;
             }
         }
     }
-    Lu::new(matrix, parts(n))
+    Lu::new(matrix)
 }
 
 impl Iteration for State<'_> {
@@ -162,11 +146,17 @@ impl Iteration for State<'_> {
             self.work += self.groups.len() as f64 * n as f64 / 3.0;
         }
         for (group, factors) in self.groups.iter().zip(&self.factors) {
-            let mut x = Mat::from_fn(n, group.len(), |i, k| self.residual.row(i)[group[k]]);
-            factors.solve(x.as_mut());
-            for (k, &c) in group.iter().enumerate().filter(|(_, c)| excess[**c] > 1.0) {
-                for i in 0..n {
-                    self.radiosity.row_mut(i)[c] += x[(i, k)];
+            let channel = |&c: &usize| (0..n).map(move |i| (c, i));
+            let places = group.iter().flat_map(channel);
+            let mut x: Vec<f64> = places.map(|(c, i)| self.residual.row(i)[c]).collect();
+            factors.solve(&mut x);
+            for (&c, steps) in group
+                .iter()
+                .zip(x.chunks_exact(n.max(1)))
+                .filter(|(c, _)| excess[**c] > 1.0)
+            {
+                for (i, step) in steps.iter().enumerate() {
+                    self.radiosity.row_mut(i)[c] += step;
                 }
             }
         }

@@ -26,7 +26,7 @@ mod history;
 mod iteration;
 mod jacobi;
 mod lanczos;
-mod lu;
+pub(crate) mod lu;
 mod mesh_error;
 mod multigrid;
 mod overshooting;

@@ -1,10 +1,8 @@
 //! Exact solutions, and the allowed errors of others.
 
-use faer::Mat;
-use faer::linalg::solvers::{PartialPivLu, Solve};
-
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::solver::RadiositySystem;
+use crate::solver::lu::{Dense, Lu};
 
 /// The exact solution of a system, by a factorisation and refinement with residuals in twice the precision.
 pub(super) struct Oracle {
@@ -31,11 +29,11 @@ impl Oracle {
             let rho = |i: usize| system.reflectance().row(i)[c];
             let even = |j: usize| if white { system.areas()[j] / total } else { 0.0 };
             let entry = |i: usize, j: usize| f64::from(u8::from(i == j)) - rho(i) * rows[i][j] + even(j);
-            let lu = Mat::from_fn(n, n, entry).partial_piv_lu();
+            let lu = Lu::new(Dense::from_fn(n, entry));
             let solve = |exitance: &dyn Fn(usize) -> f64| {
                 let mut b = vec![0.0; n];
                 for _ in 0..STEPS {
-                    let residual = |i: usize, _: usize| {
+                    let residual = |i: usize| {
                         let mut sum = Precise::default();
                         sum.add(exitance(i));
                         sum.add(-b[i]);
@@ -48,7 +46,8 @@ impl Oracle {
                         }
                         sum.value()
                     };
-                    let step = refine(&lu, &Mat::from_fn(n, 1, residual));
+                    let mut step: Vec<f64> = (0..n).map(residual).collect();
+                    lu.solve(&mut step);
                     b.iter_mut().zip(step).for_each(|(b, d)| *b += d);
                 }
                 b
@@ -66,11 +65,6 @@ impl Oracle {
             of_light,
         }
     }
-}
-
-fn refine(lu: &PartialPivLu<f64>, residual: &Mat<f64>) -> Vec<f64> {
-    let step = lu.solve(residual);
-    (0..step.nrows()).map(|i| step[(i, 0)]).collect()
 }
 
 /// Returns all entries of F.

@@ -1,9 +1,7 @@
 //! The coarsest level, solved directly.
 
-use faer::{Mat, Par};
-
 use super::matrices::Matrix;
-use crate::solver::lu::Lu;
+use crate::solver::lu::{Dense, Lu};
 
 /// A shift of the diagonal of I − K, so that enclosures that lose no light are not singular.
 ///
@@ -19,7 +17,6 @@ pub(super) enum Factored {
 }
 
 impl Factored {
-    /// On one thread: few patches exchange light.
     pub(super) fn new(matrix: &Matrix, channel: usize) -> Self {
         let n = matrix.n_rows();
         let entry = |i: usize, j: usize| {
@@ -29,14 +26,14 @@ impl Factored {
         if matrix.is_diagonal() {
             return Self::Diagonal((0..n).map(|i| entry(i, i)).collect());
         }
-        Self::Full(Lu::new(Mat::from_fn(n, n, entry), Par::Seq))
+        Self::Full(Lu::new(Dense::from_fn(n, entry)))
     }
 
     /// Replaces f by (I − K)⁻¹ f.
     pub(super) fn solve(&self, f: &mut [f64]) {
         match self {
             Self::Diagonal(diagonal) => f.iter_mut().zip(diagonal).for_each(|(f, d)| *f /= d),
-            Self::Full(lu) => lu.solve_vector(f),
+            Self::Full(lu) => lu.solve(f),
         }
     }
 

@@ -47,6 +47,7 @@ mod model;
 mod printed_forms;
 pub(super) mod report;
 mod spectrum;
+mod symmetric;
 
 use serde::Serialize;
 

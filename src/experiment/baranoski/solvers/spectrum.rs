@@ -1,7 +1,6 @@
 //! The eigenvalues of figures 2 and 3.
 
-use faer::{Mat, Side};
-
+use super::symmetric;
 use crate::matrix::FormFactors;
 use crate::matrix::operator::Block;
 
@@ -13,15 +12,16 @@ pub(super) fn eigenvalues(factors: &FormFactors, reflectance: &Block) -> Vec<f64
     let n = factors.n_rows();
     let areas = factors.areas();
     let rho = |i: usize| reflectance.row(i)[0];
-    let mut matrix = Mat::<f64>::identity(n, n);
+    let mut matrix = vec![0.0; n * n];
     for i in 0..n {
+        matrix[i * n + i] = 1.0;
         factors.for_each_in_row(i, |j, f, _| {
             if j <= i {
-                matrix[(i, j)] -= (rho(i) * rho(j) * areas[i] / areas[j]).sqrt() * f;
+                let product = (rho(i) * rho(j) * areas[i] / areas[j]).sqrt() * f;
+                matrix[i * n + j] -= product;
+                matrix[j * n + i] = matrix[i * n + j];
             }
         });
     }
-    let mut values = matrix.self_adjoint_eigenvalues(Side::Lower).unwrap_or_default();
-    values.sort_by(f64::total_cmp);
-    values
+    symmetric::eigenvalues(matrix, n).unwrap_or_default()
 }
