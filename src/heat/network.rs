@@ -117,7 +117,7 @@ impl Network {
                 Some(Condition::OtherSide(other)) if k < other => other,
                 _ => continue,
             };
-            let (low, high) = scene.bounding_box();
+            let (low, high) = scene.box_where_faces_meet();
             let tolerance = scene.slack().max(COINCIDENT * low.distance(high));
             let partners = opposites(mesh, patches, &of_surface[other], tolerance);
             let n_alone = partners.iter().filter(|partner| partner.is_none()).count();

@@ -259,8 +259,7 @@ impl Reach {
 /// Returns the distances up to which each face meets others.
 fn reaches(scene: &Scene, outlines: &[Positions]) -> Vec<Reach> {
     let (slack, of_places) = (scene.slack(), PLACES * scene.last_place());
-    let largest = |outline: &Positions| outline.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max);
-    let rounding = ROUNDING * outlines.iter().map(largest).fold(0.0, f64::max);
+    let rounding = ROUNDING * scene.greatest_where_faces_meet();
     let sizes_in_plane = sizes_in_plane(scene, outlines);
     let of_face = |(outline, size_in_plane): (&Positions, f64)| {
         let size = size_of(bounding_box(outline));

@@ -4,7 +4,6 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use glam::DVec3;
 
-use super::Written;
 use super::builder::without_repeats;
 use super::overlap::{self, MAX_OVERLAPS, Overlap};
 use super::split::{Outline, split};
@@ -99,19 +98,11 @@ pub(super) fn cut_out(scene: &mut Scene) -> Result<Option<CutOut>, Refused> {
 
 /// Returns the distance, in m, below which points and lines are one.
 fn tolerance(scene: &Scene) -> f64 {
-    let (low, high) = scene.bounding_box();
-    let greatest = low.abs().max(high.abs()).max_element();
-    // Faces that are turned within an axis-aligned plane are rounded too, although no corner leaves the plane.
-    let written = scene.written.filter(Written::shows_rounding);
-    let of_digits = written.map_or(0.0, |written| UNITS * written.unit(greatest));
-    scene.slack().max(of_digits).max(ULPS * f64::EPSILON * greatest)
+    scene.slack().max(scene.apart(ULPS))
 }
 
 /// The distance, in ulps of f64, of lines that were meant to be one, where short edges are extended across a wall.
 const ULPS: f64 = 512.0;
-
-/// The distance of points that were meant to be one, in units of the last digit.
-const UNITS: f64 = 2.0;
 
 /// Returns a report with the number of faces that are cut out of others, without areas.
 fn counted(scene: &Scene, overlaps: &[Overlap], ranks: &Ranks) -> CutOut {

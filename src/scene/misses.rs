@@ -82,8 +82,7 @@ fn is_nearly_square(edges: [DVec3; 4], unit: f64) -> bool {
 
 /// Returns whether many pairs of triangles with a common longest edge are halves of turned rectangles whose corners miss a right angle.
 fn has_nearly_square_halves(scene: &Scene, written: &Written) -> bool {
-    let (low, high) = scene.bounding_box();
-    let unit = written.unit(low.abs().max(high.abs()).max_element());
+    let unit = written.unit(scene.greatest_where_faces_meet());
     let at = |v: u32| scene.vertices[v as usize];
     // The corner opposite the longest edge, by that edge.
     let mut apex_of: HashMap<[u32; 2], u32> = HashMap::new();
@@ -114,8 +113,7 @@ fn has_nearly_square_halves(scene: &Scene, written: &Written) -> bool {
 ///
 /// Distinct vertices and intended gaps are at least a unit apart, so they are not counted.
 fn has_vertex_beside_edge(scene: &Scene, written: &Written) -> bool {
-    let (low, high) = scene.bounding_box();
-    let unit = written.unit(low.abs().max(high.abs()).max_element());
+    let unit = written.unit(scene.greatest_where_faces_meet());
     let mut edges: Vec<[u32; 2]> = Vec::new();
     let mut faces: Vec<&[u32]> = Vec::new();
     for face in &scene.faces {

@@ -19,6 +19,7 @@ mod camera;
 mod cut_out;
 mod default_view;
 mod error;
+mod far_parts;
 pub mod frames;
 pub(crate) mod hash;
 mod io;

@@ -56,7 +56,7 @@ pub(super) struct Overlap {
 ///
 /// Two faces lie in one plane where no corner of the smaller is further from the larger's plane than [`PLANARITY`] of its diameter and the rounding of the coordinates
 /// ([`Scene::slack`]); faces that are exactly parallel are in one plane only up to 1e-10 of the smaller one's diameter, or two units of the last digit where the file shows rounding. They overlap where the common part is wider (twice its area over its outline's length) than the rounding. The rounding follows the digits of the file
-/// ([`Written`](super::Written)), but is at least six digits of the scene's size and at most six digits of the coordinates. Faces that one outline was split into do not overlap.
+/// ([`Written`](super::Written)), but is at least six digits of the faces' size and at most six digits of the coordinates. Faces that one outline was split into do not overlap.
 ///
 /// Where the file shows that it was rounded, faces that are not along the axes are off their plane by half a [unit](super::Written::unit) u of each coordinate. They then lie in one plane where, over
 /// all of the common part, their distance is at most g = Σ u |n|, summed over the axes, with n the larger's normal: g ≤ √3 u. Faces wider than 3 u that were meant to be in one plane are always found,
@@ -122,10 +122,8 @@ struct Search<'a> {
 impl<'a> Search<'a> {
     /// Returns the search with the boxes of all faces.
     fn new(scene: &'a Scene) -> (Self, Vec<(DVec3, DVec3)>) {
-        let (scene_low, scene_high) = scene.bounding_box();
-        let size = scene_low.distance(scene_high);
         let slack = scene.slack();
-        let measured: Vec<Measures> = threads::collect_from(&scene.faces, |face| Measures::of(scene, face, size));
+        let measured: Vec<Measures> = threads::collect_from(&scene.faces, |face| Measures::of(scene, face));
         let boxes = threads::collect(measured.len(), |face| {
             let measures = &measured[face];
             let (low, high) = scene.positions(&scene.faces[face]).bounding_box();
@@ -184,8 +182,8 @@ struct Measures {
 }
 
 impl Measures {
-    /// Returns the properties of a face; `size` is the diameter of the scene.
-    fn of(scene: &Scene, face: &Face, size: f64) -> Self {
+    /// Returns the properties of a face.
+    fn of(scene: &Scene, face: &Face) -> Self {
         let corners = scene.positions(face);
         let (low, high) = corners.bounding_box();
         let vector = polygon::area_vector(&corners);
@@ -193,14 +191,15 @@ impl Measures {
         let greatest = reach.max_element();
         let off = UNITS * scene.written.map_or(0.0, |written| written.unit(greatest));
         let most = SIX_DIGITS * greatest;
-        let least = (SIX_DIGITS * size).max(ULPS * greatest).min(most);
+        let diameter = low.distance(high);
+        let least = (SIX_DIGITS * diameter).max(ULPS * greatest).min(most);
         let rounded = scene.written.filter(Written::shows_rounding);
         // Faces along the axes stay so after rounding, and keep their contacts.
         let rounded = rounded.filter(|_| !is_along_axes(&corners));
         Self {
             normal: vector.normalize_or_zero(),
             area: vector.length(),
-            diameter: low.distance(high),
+            diameter,
             bend: polygon::planarity_error(&corners),
             greatest,
             off,

@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use super::far_parts::greatest;
+use super::overlap::is_along_axis;
 use super::{Corners, Face, MaterialId, Scene, SurfaceId, Written};
 use crate::geometry::polygon;
 use crate::threads;
@@ -19,26 +21,21 @@ impl Scene {
     /// Returns the height, in m, by which faces that were meant to touch or to lie in one plane may be apart.
     ///
     /// It is two units of the last digit of the file's coordinates, or twice the bend of a quad, if that is more. Apart from bent quads, it is 0 for files
-    /// whose numbers need at most five digits or are whole, for scenes along the axes, and for scenes made in memory.
+    /// whose numbers need at most five digits or are whole and where faces meet as exactly, for scenes along the axes, and for scenes made in memory. Far parts that [meet no others](Self::meeting_faces) do not count.
     /// Rotated scenes in files with six decimals have 2e-6. Thinner gaps are indistinguishable from contact.
     pub(crate) fn slack(&self) -> f64 {
-        let quads: Vec<&Face> = self
-            .faces
-            .iter()
-            .filter(|face| face.corners.as_slice().len() > 3)
-            .collect();
+        let mut quads = self.meeting_faces();
+        let of_digits = HEIGHT * self.rounding(&quads);
+        quads.retain(|face| face.corners.as_slice().len() > 3);
         let bends = threads::collect_from(&quads, |face| polygon::planarity_error(&self.positions(face)));
         let bent = bends.into_iter().fold(0.0, f64::max);
-        (HEIGHT * self.rounding()).max(2.0 * bent)
+        of_digits.max(2.0 * bent)
     }
 
     /// Returns one unit in the last decimal place of the file's coordinates, in m; 0 for whole numbers, and for a scene made in memory.
     pub(crate) fn last_place(&self) -> f64 {
         let written = self.written.filter(|written| written.is_rounded(1));
-        let coordinates = self.vertices.iter().flat_map(glam::DVec3::to_array);
-        written.map_or(0.0, |written| {
-            written.unit(coordinates.fold(0.0, |greatest, x| x.abs().max(greatest)))
-        })
+        written.map_or(0.0, |written| written.unit(self.greatest_where_faces_meet()))
     }
 
     /// Returns the precision of the coordinates if they were rounded ([`Written::shows_rounding`]): each may then be off by half of its [unit](Written::unit).
@@ -51,25 +48,28 @@ impl Scene {
         (!coordinates.all(|x| x.abs() <= 0.0 || is_known(x))).then_some(written)
     }
 
-    /// Returns the greatest rounding of a coordinate, in m.
-    fn rounding(&self) -> f64 {
-        let Some(written) = self.written.filter(|written| written.is_rounded(MIN_DIGITS)) else {
+    /// Returns the distance, in m, by which corners of faces that meet may be apart where they were meant to be one: two units of the last digit where the file shows rounding, and at least so many ulps.
+    pub(crate) fn apart(&self, ulps: f64) -> f64 {
+        let greatest = self.greatest_where_faces_meet();
+        // Faces that are turned within an axis-aligned plane are rounded too, although no corner leaves the plane.
+        let written = self.written.filter(Written::shows_rounding);
+        let of_digits = written.map_or(0.0, |written| 2.0 * written.unit(greatest));
+        of_digits.max(ulps * f64::EPSILON * greatest)
+    }
+
+    /// Returns the greatest rounding of a coordinate of some faces, in m.
+    fn rounding(&self, faces: &[&Face]) -> f64 {
+        let is_rounded = |written: &Written| written.is_rounded(MIN_DIGITS) || written.misses;
+        let Some(written) = self.written.filter(is_rounded) else {
             return 0.0;
         };
-        let is_along_axis = |face| {
-            self.area_vector(face)
-                .to_array()
-                .iter()
-                .filter(|x| x.abs() > 0.0)
-                .count()
-                < 2
-        };
-        if self.face_ids().all(is_along_axis) {
+        if faces
+            .iter()
+            .all(|face| is_along_axis(polygon::area_vector(&self.positions(face))))
+        {
             return 0.0;
         }
-        let coordinates = self.vertices.iter().flat_map(glam::DVec3::to_array);
-        let greatest = coordinates.fold(0.0_f64, |greatest, x| greatest.max(x.abs()));
-        0.5 * written.unit(greatest)
+        0.5 * written.unit(greatest(self.box_of(faces)))
     }
 }
 

@@ -304,7 +304,7 @@ fn push_rays(
 /// Returns whether one of the faces sees any other face of the scene, by segments between their middles.
 fn reaches(scene: &Scene, visibility: &dyn Visibility, from: &[FaceId]) -> bool {
     // A face that is above the plane of another by rounding alone does not see it.
-    let (low, high) = scene.bounding_box();
+    let (low, high) = scene.box_where_faces_meet();
     let least = scene.slack().max(FLAT * low.distance(high));
     let in_front = |of: &[DVec3], normal: DVec3, other: &[DVec3]| other.iter().any(|&v| normal.dot(v - of[0]) > least);
     let polygons: Vec<(Vec<DVec3>, DVec3)> = scene

@@ -36,8 +36,7 @@ pub fn narrowest_gap(scene: &Scene, offset: f64) -> Option<Gap> {
     let polygons = frame.polygons(scene);
     let limit = NARROW * offset;
     // Faces that touch for rays may well have a gap: rays have coordinates in f32 only.
-    let (low, high) = scene.bounding_box();
-    let rounding = 16.0 * f64::EPSILON * low.abs().max(high.abs()).max_element();
+    let rounding = 16.0 * f64::EPSILON * scene.greatest_where_faces_meet();
     let touching = frame.coincident().min(TOUCHING * (scene.slack() + rounding));
     let mut narrowest: Option<(f64, [u32; 2])> = None;
     overlapping_pairs(

@@ -430,20 +430,11 @@ impl<'a> Outline<'a> {
         if edge.n_screens != 2 {
             return false;
         }
-        // Each plane is turned so that its sign shows on which side of the edge, seen from a point, the occluder lies.
-        let planes = edge.screens.map(|(screen, is_forward)| {
-            let plane = self.screens[screen].plane;
-            if is_forward { plane } else { plane.turned() }
-        });
-        let [first, second] = planes.map(|plane| {
-            let [a, b] = ends.map(|x| plane.snapped_height(x, FLAT));
-            if a > 0.0 && b > 0.0 {
-                1
-            } else if a < 0.0 && b < 0.0 {
-                -1
-            } else {
-                0
-            }
+        // The sign shows on which side of the edge, seen from both ends, the occluder lies; it is 0 where they do not agree.
+        let [first, second] = edge.screens.map(|(screen, is_forward)| {
+            let [a, b] = ends.map(|x| self.screens[screen].side(x));
+            let side = if a == b { a } else { 0 };
+            if is_forward { side } else { -side }
         });
         first * second < 0
     }

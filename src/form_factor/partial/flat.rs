@@ -38,14 +38,6 @@ impl Flat {
         }
     }
 
-    /// Returns the same plane, seen from its back.
-    pub(super) fn turned(self) -> Self {
-        Self {
-            normal: -self.normal,
-            ..self
-        }
-    }
-
     /// Returns how far a point lies in front of the plane.
     pub(super) fn height(&self, p: DVec3) -> f64 {
         self.normal.dot(p - self.origin)

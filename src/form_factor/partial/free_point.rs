@@ -55,7 +55,7 @@ pub(crate) struct PointViews {
 
 impl PointViews {
     pub(crate) fn new(scene: &Scene, mesh: &Mesh) -> Self {
-        let (low, high) = scene.bounding_box();
+        let (low, high) = scene.box_where_faces_meet();
         let largest = low.abs().max(high.abs()).max_element();
         let tolerance = scene
             .slack()

@@ -5,12 +5,16 @@ use std::cmp::Ordering;
 use glam::DVec3;
 
 use super::flat::{FLAT, Flat};
+use crate::visibility::plane::Lean;
 
 /// An occluder as something that may stop a line of sight.
 pub(super) struct Screen {
     /// Each corner with the unit vector that points inwards from the edge that begins there.
     corners: Vec<(DVec3, DVec3)>,
     pub(super) plane: Flat,
+    /// How far corners are off the plane, in m: rounded coordinates bend a quad.
+    bend: f64,
+    lean: Lean,
 }
 
 impl Screen {
@@ -19,7 +23,19 @@ impl Screen {
             corners: inward_normals(corners, plane.normal)
                 .map(|(corner, inward)| (corner, inward.normalize_or_zero()))
                 .collect(),
+            bend: corners.iter().map(|&v| plane.height(v).abs()).fold(0.0, f64::max),
             plane,
+            lean: Lean::of(corners),
+        }
+    }
+
+    /// Returns 1 for a point in front of the screen, −1 behind it, and 0 where rounding or the bend decides.
+    pub(super) fn side(&self, point: DVec3) -> i32 {
+        let height = self.plane.snapped_height(point, FLAT);
+        if height.abs() <= self.lean.height(self.bend, point) {
+            0
+        } else {
+            height.total_cmp(&0.0) as i32
         }
     }
 
@@ -35,9 +51,10 @@ impl Screen {
         } else {
             (y, y + (x - y) * (height_y / (height_y - height_x)))
         };
-        // Along a line that grazes the plane rounding of a height moves the crossing the farther, the flatter the line is.
+        // Along a line that grazes the plane an error of a height moves the crossing the farther, the flatter the line is.
         let slant = (y - x).length() / (height_x - height_y).abs();
-        let along = slant * (self.plane.tolerance(near, FLAT) + self.plane.tolerance(crossing, FLAT));
+        let of_heights = self.plane.tolerance(near, FLAT) + self.plane.tolerance(crossing, FLAT) + self.bend;
+        let along = slant * of_heights;
         let is_inside = |&(corner, inward): &(DVec3, DVec3)| inward.dot(crossing - corner) > along;
         if !self.corners.iter().all(is_inside) {
             return None;

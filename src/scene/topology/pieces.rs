@@ -13,7 +13,7 @@ use super::edges;
 use crate::disjoint_sets::DisjointSets;
 use crate::geometry::box_pairs::{BoxTree, overlapping_pairs};
 use crate::geometry::polygon;
-use crate::scene::{FaceId, Scene, Written};
+use crate::scene::{FaceId, Scene};
 
 /// The connected pieces of a scene's surface.
 #[derive(Clone, Debug)]
@@ -200,12 +200,11 @@ fn flat_ones(scene: &Scene, of_face: &[u32], n: usize) -> Vec<bool> {
 ///
 /// It covers the rounding of the coordinates, for any orientation of the faces, and some ulps.
 pub(crate) fn joint(scene: &Scene) -> f64 {
-    let coordinates = scene.vertices.iter().map(|v| v.abs().max_element());
-    let greatest = coordinates.fold(0.0, f64::max);
-    let written = scene.written.filter(Written::shows_rounding);
-    let of_digits = written.map_or(0.0, |written| 2.0 * written.unit(greatest));
-    64.0 * f64::EPSILON * greatest + scene.slack().max(of_digits)
+    scene.slack().max(scene.apart(ULPS))
 }
+
+/// The ulps by which the position of a vertex may be off.
+const ULPS: f64 = 64.0;
 
 /// The gap, in units of the smaller face's size, up to which faces meet.
 ///

@@ -124,9 +124,9 @@ pub(super) fn sides(scene: &Scene, pieces: &Pieces, points: &[(FaceId, DVec3)]) 
 
 /// Returns the distance, in m, within which pieces count as touching: below the resolution of f32 in a scene of this size, and below a thousandth of its smallest face.
 pub(super) fn touching(scene: &Scene) -> f64 {
-    let (low, high) = scene.bounding_box();
+    let (low, high) = scene.box_where_faces_meet();
     (1e-7 * low.distance(high)).min(1e-3 * smallest_face(scene))
-        + 8.0 * f64::EPSILON * low.abs().max(high.abs()).max_element()
+        + 8.0 * f64::EPSILON * scene.greatest_where_faces_meet()
 }
 
 /// Adds up the winding numbers of each piece.

@@ -17,3 +17,4 @@ mod rounded;
 mod row_tolerance;
 mod sky;
 mod stated_coverage;
+mod streets;
