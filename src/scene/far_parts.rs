@@ -3,7 +3,7 @@
 use foldhash::{HashMap, HashMapExt as _};
 use glam::DVec3;
 
-use super::{Face, Scene};
+use super::{Face, Scene, Written};
 use crate::disjoint_sets::DisjointSets;
 use crate::geometry::box_pairs::overlapping_pairs;
 use crate::threads;
@@ -11,19 +11,28 @@ use crate::threads;
 /// The ratio of the greatest |coordinates| of two parts from which on one is far away.
 const FAR: f64 = 30.0;
 
+/// The ratio of the units of two numbers up to which they count as equally exact.
+const SAME: f64 = 2.0;
+
+/// The ratio of the greatest |coordinates| of two faces up to which some ulps of one are nothing beside the other.
+const F64: f64 = 1e6;
+
 impl Scene {
     /// Returns the faces that may have been meant to touch others than their neighbours by vertices.
     ///
     /// These are all, less the parts, connected by common vertices, whose box reaches no other part's, and whose greatest |coordinate| is more than 30 times that of another part: a sun
     /// 1e7 m away in a file of 24 bits is off by 1 m, and a sensor of 1 mm beside a wall is not.
     ///
-    /// Work: O(n) for n faces where none is far; else O(n log n).
+    /// Work: O(n) for n faces where none is far, or all numbers are as exact; else O(n log n).
     pub(super) fn meeting_faces(&self) -> Vec<&Face> {
         let of_faces: Vec<f64> = threads::collect_from(&self.faces, |face| greatest(self.box_of(&[face])));
         let (smallest, most) = of_faces
             .iter()
             .fold((f64::INFINITY, 0.0_f64), |(l, h), &x| (l.min(x), h.max(x)));
-        if most <= FAR * smallest {
+        // Far parts matter where numbers are less exact there than here: by their digits, or in f64.
+        let is_as_exact = |written: Written| written.unit(most) <= SAME * written.unit(smallest);
+        let is_even = most <= F64 * smallest && self.written.is_none_or(is_as_exact);
+        if most <= FAR * smallest || is_even {
             return self.faces.iter().collect();
         }
         let parts = self.parts();

@@ -56,10 +56,10 @@ pub struct ExactMethod {
     pub budget: usize,
 }
 
-/// Evaluations for one pair of patches after which the next one follows.
+/// Evaluations, or rays, for one pair of patches after which the next one follows.
 pub static BUDGET: Setting = Setting {
     name: "budget",
-    help: "Evaluations for one pair of patches after which the next one follows",
+    help: "Evaluations, or rays, for one pair of patches after which the next one follows",
     letter: "N",
     kind: Kind::Count(usize::MAX as u64),
 };

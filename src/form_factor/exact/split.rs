@@ -120,7 +120,7 @@ impl Split<'_> {
             goal
         };
         let extra = self.budget / EXTRA;
-        if let Some(found) = partial::by_rays([p, q], &occluders, count, closer, without, &self.go_on()) {
+        if let Some(found) = partial::by_rays([p, q], &occluders, count, closer, self.budget, without, &self.go_on()) {
             return found;
         }
         if has_few {

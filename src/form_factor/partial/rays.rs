@@ -77,7 +77,7 @@ fn worth(n_occluders: usize, n_corners: impl FnOnce() -> usize, ratio: f64) -> O
 /// Returns the exchange area of two polygons with occluders between them to within `goal`, m², by rays.
 ///
 /// `None` where clipping takes less time, or rays turn out to take more than expected.
-/// `count` is the number of occluders, at most three sides for each solid; `whole` is the exchange area without them. Once `go_on` returns false, the result is that of the rays so far.
+/// `count` is the number of occluders, at most three sides for each solid; `whole` is the exchange area without them. After `budget` rays, or once `go_on` returns false, the result is that of the rays so far.
 ///
 /// A F = whole − ∫∫ K (1 − V) dA dA, by scrambled Sobol points on one polygon and on the other, or in the solid angle of the other where that is near; the part of `whole` that the unoccluded kernel K misses on the same rays
 /// is corrected in proportion. Sixteen independent scrambles: the error is 4.5 standard errors of their mean, and the part that all rays may have missed. Equal arguments give equal bits.
@@ -87,6 +87,7 @@ pub(in crate::form_factor) fn by_rays(
     occluders: &[Occluder<'_>],
     count: usize,
     goal: f64,
+    budget: usize,
     whole: Whole,
     go_on: &dyn Fn() -> bool,
 ) -> Option<Partial> {
@@ -96,6 +97,9 @@ pub(in crate::form_factor) fn by_rays(
     }
     let enough = SHARE * goal;
     let most = worth(count, || n_corners(loose()), whole.area / enough)?;
+    if budget < SCRAMBLES * FIRST {
+        return None;
+    }
     let mut between = Between::new(sides, occluders)?;
     let mut streams = between.streams();
     let mut directions = Vec::with_capacity(between.to.triangles.len());
@@ -136,6 +140,9 @@ pub(in crate::form_factor) fn by_rays(
             return found;
         }
         n *= 2;
+        if n * SCRAMBLES > budget {
+            return found;
+        }
         if (n * SCRAMBLES) as f64 > most {
             return None;
         }
@@ -422,7 +429,8 @@ mod tests {
                 let exact = exchange_area(&floor, target, &occluders, accuracy);
                 for goal in [1.0, 0.1].map(|share| share * whole.area) {
                     // Enough occluders for rays to be worth it.
-                    let by = |p: &[DVec3], q: &[DVec3]| by_rays([p, q], &occluders, 100, goal, whole, &|| true);
+                    let by =
+                        |p: &[DVec3], q: &[DVec3]| by_rays([p, q], &occluders, 100, goal, usize::MAX, whole, &|| true);
                     let found = by(&floor, target).expect("enough rays");
                     assert_eq!(Some(found), by(target, &floor));
                     let off = (found.exchange_area - exact.exchange_area).abs() / (found.error + exact.error);
@@ -443,17 +451,22 @@ mod tests {
         let plates = [0.1, 0.4, 0.7].map(|x| square(DVec3::new(x, x, 0.5), 0.2 * DVec3::X, DVec3::new(0.1, 0.2, 0.1)));
         let occluders = two_sided(&plates);
         let whole = Whole::of(&floor, &ceiling, 0.0);
-        let by = |go_on: bool| {
+        let by = |budget: usize, go_on: bool| {
             let goal = 3e-3 * whole.area;
-            by_rays([&floor, &ceiling], &occluders, 1500, goal, whole, &|| go_on).expect("enough rays")
+            by_rays([&floor, &ceiling], &occluders, 1500, goal, budget, whole, &|| go_on)
         };
-        let (all, part) = (by(true), by(false));
+        let [all, part, cheap] = [(usize::MAX, true), (usize::MAX, false), (1000, true)]
+            .map(|(budget, go_on)| by(budget, go_on).expect("rays"));
         assert!(all.reached && part.n_rays == UNTIL_ASKED * SCRAMBLES && part.n_rays < all.n_rays);
-        let off = (all.exchange_area - part.exchange_area).abs();
-        assert!(
-            off <= all.error + part.error && all.error < part.error,
-            "{all:?} {part:?}"
-        );
+        assert!(!cheap.reached && (500..=1000).contains(&cheap.n_rays), "{cheap:?}");
+        for less in [part, cheap] {
+            let off = (all.exchange_area - less.exchange_area).abs();
+            assert!(
+                off <= all.error + less.error && all.error < less.error,
+                "{all:?} {less:?}"
+            );
+        }
+        assert_eq!(by(SCRAMBLES * FIRST - 1, true), None);
     }
 
     #[test]
@@ -465,6 +478,9 @@ mod tests {
         assert_eq!(worth(1400, || 1000, 3500.0), None);
         let square = square(DVec3::ZERO, DVec3::X, DVec3::Y);
         let whole = Whole { area: 1.0, error: 0.0 };
-        assert_eq!(by_rays([&square, &square], &[], 2, 1.0, whole, &|| true), None);
+        assert_eq!(
+            by_rays([&square, &square], &[], 2, 1.0, usize::MAX, whole, &|| true),
+            None
+        );
     }
 }
