@@ -64,14 +64,14 @@ fn results(at: &Path, output: &Output, files: &[&str]) -> (Value, Vec<Vec<u8>>) 
     (document, files.iter().map(taken).collect())
 }
 
-/// Runs a command without MPI, and on 2 and 3 ranks, with all cases on 1 too: all print and write the same, which is returned.
+/// Runs a command without MPI, and on 1, 2 and 3 ranks: all print and write the same, which is returned.
 fn expect_equal(at: &Path, arguments: &[&str], files: &[&str]) -> Value {
-    expect_equal_on(n_cases(&[2, 3], &[1, 2, 3]), at, arguments, files)
+    expect_equal_on(&[1, 2, 3], at, arguments, files)
 }
 
-/// Returns one, two or three ranks in turn; all of these where all cases are asked for.
+/// Returns one rank and, in turn, two or three; all of these where all cases are asked for.
 fn in_turn(k: usize) -> &'static [usize] {
-    n_cases([&[1], &[2], &[3]][k % 3], &[1, 2, 3])
+    n_cases([&[1, 2], &[1, 3]][k % 2], &[1, 2, 3])
 }
 
 /// Does the same on some numbers of ranks.
