@@ -317,7 +317,7 @@ impl Vertices {
 }
 
 /// Returns the bits of a position, with −0 as 0: equal positions are the same vertex.
-fn key(position: DVec3) -> [u64; 3] {
+pub(super) fn key(position: DVec3) -> [u64; 3] {
     (position + 0.0).to_array().map(f64::to_bits)
 }
 

@@ -126,7 +126,7 @@ pub(super) fn sides(scene: &Scene, pieces: &Pieces, points: &[(FaceId, DVec3)]) 
 pub(super) fn touching(scene: &Scene) -> f64 {
     let (low, high) = scene.box_where_faces_meet();
     (1e-7 * low.distance(high)).min(1e-3 * smallest_face(scene))
-        + 8.0 * f64::EPSILON * scene.greatest_where_faces_meet()
+        + 8.0 * f64::EPSILON * low.abs().max(high.abs()).max_element()
 }
 
 /// Adds up the winding numbers of each piece.
