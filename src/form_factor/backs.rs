@@ -1,6 +1,7 @@
 //! The fraction of the light of each patch that back faces absorb.
 
 mod candidates;
+mod lying;
 
 use glam::DVec3;
 
@@ -18,6 +19,7 @@ use crate::threads;
 use crate::visibility::occluders::{OccluderId, OccluderIndex, PairVisibility};
 use candidates::{Candidates, Seeing};
 pub(super) use candidates::{Outline, Sheets, places_of_patches};
+pub(super) use lying::shares_on_faces;
 
 /// The most pairs of patches and back faces that are listed, for all patches together; rays do the rest.
 const MAX_PAIRS: usize = 1 << 18;

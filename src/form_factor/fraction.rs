@@ -12,6 +12,15 @@ pub struct Fraction {
 }
 
 impl Fraction {
+    /// Returns a share of the fraction.
+    pub(super) fn share(self, share: f64) -> Self {
+        Self {
+            value: share * self.value,
+            common: share * self.common,
+            variance: share * share * self.variance,
+        }
+    }
+
     /// Returns an estimate of the absolute error.
     #[must_use]
     pub fn error(self) -> f64 {

@@ -127,11 +127,11 @@ struct Term {
 struct Terms(Vec<Term>);
 
 impl Terms {
-    /// Returns the terms of the borders of two patches, of which a part `lit` of the light without occluders passes.
-    fn of_borders(ends: [&End; 2], lit: f64) -> Self {
+    /// Returns the terms of the borders of two patches; `lit` is the part of the light without occluders that passes at a point of one.
+    fn of_borders(ends: [&End; 2], lit: impl Fn(&End, DVec3) -> f64) -> Self {
         let mut terms = Self(Vec::with_capacity(8));
         for k in 0..2 {
-            border_terms([ends[k], ends[1 - k]], k, lit, &mut terms);
+            border_terms([ends[k], ends[1 - k]], k, |x| lit(ends[k], x), &mut terms);
         }
         terms
     }
@@ -185,6 +185,28 @@ impl Terms {
         let square_alike: f64 = alike.iter().map(|known| known.2 * known.2).sum();
         // The variance of a number that is uniform up to x is x² / 3.
         (DEVIATIONS * (square.max(square_alike) / 3.0).sqrt()).min(most)
+    }
+}
+
+/// An occluder between two patches.
+struct Standing<'a> {
+    corners: &'a [DVec3],
+    /// The greatest distance by which a corner may be off, in m.
+    off: f64,
+}
+
+impl<'a> Standing<'a> {
+    fn new(corners: &'a [DVec3], written: &Written) -> Self {
+        let off = corners.iter().map(|&v| Vertex::new(v, written).half.length());
+        Self {
+            corners,
+            off: off.fold(0.0, f64::max),
+        }
+    }
+
+    /// Returns whether a point that may be off by `off`, m, may lie on it.
+    fn may_touch(&self, x: DVec3, off: f64) -> bool {
+        polygon::distance(x, self.corners) <= off + self.off
     }
 }
 
@@ -248,7 +270,8 @@ impl Rounded {
     /// `exchange` is A_i F_ij, m², and `whole` the same without occluders.
     ///
     /// Accuracy: of the first order in half a unit over the size of the patches, some 10 % off where these touch.
-    /// In partly visible pairs the light at the borders of patches is (`exchange` / `whole`)^½ of that without occluders, which is between none and all.
+    /// In partly visible pairs the light at the borders of patches is (`exchange` / `whole`)^½ of that without occluders, which is between none and all, and all of it where an occluder is no farther than it may be off:
+    /// a patch that stands on an occluder may reach through it.
     /// Where patches are few units wide, a hidden part may be seen: as large a share of the whole exchange without occluders as the border is of the patches.
     /// Source: [`ARVO_1994`](crate::references::ARVO_1994), which follows vertices in the same way at a point. Departures: the flux through what edges sweep, for two patches.
     pub(super) fn error<'a>(
@@ -259,9 +282,18 @@ impl Rounded {
         occluders: impl IntoIterator<Item = &'a [DVec3]>,
     ) -> f64 {
         let ends = pair.map(|k| &self.ends[k]);
+        let occluders: Vec<Standing<'_>> = occluders
+            .into_iter()
+            .map(|corners| Standing::new(corners, &self.written))
+            .collect();
         let visible = if whole > 0.0 { (exchange / whole).min(1.0) } else { 1.0 };
-        let mut terms = Terms::of_borders(ends, visible.sqrt());
-        let is_hidden_in_part = self.occluder_terms(ends, occluders, &mut terms);
+        let share = visible.sqrt();
+        let lit = |end: &End, x: DVec3| {
+            let touches = |occluder: &Standing<'_>| occluder.may_touch(x, end.off);
+            if occluders.iter().any(touches) { 1.0 } else { share }
+        };
+        let mut terms = Terms::of_borders(ends, lit);
+        let is_hidden_in_part = self.occluder_terms(ends, &occluders, &mut terms);
         let meant = behind::meant(ends);
         let most = ends
             .iter()
@@ -275,7 +307,7 @@ impl Rounded {
         }
         let beyond = (1.0 + border).max(1.0 / (1.0 - border / KNOWN));
         let of_shadows = if is_hidden_in_part && border > COARSE {
-            border * (whole + Terms::of_borders(ends, 1.0).worst(ends, whole))
+            border * (whole + Terms::of_borders(ends, |_, _| 1.0).worst(ends, whole))
         } else {
             0.0
         };
@@ -288,18 +320,12 @@ impl Rounded {
     }
 
     /// Adds the terms that the edges of occluders sweep; returns whether there are any.
-    fn occluder_terms<'a>(
-        &self,
-        [from, to]: [&End; 2],
-        occluders: impl IntoIterator<Item = &'a [DVec3]>,
-        terms: &mut Terms,
-    ) -> bool {
+    fn occluder_terms(&self, [from, to]: [&End; 2], occluders: &[Standing<'_>], terms: &mut Terms) -> bool {
         // Each edge once, with the normals of the faces on its sides, turned round for faces that run along it the other way, and the sines by which they may lean.
         let mut edges: Vec<([DVec3; 2], Vec<Side>)> = Vec::new();
-        for corners in occluders {
+        for &Standing { corners, off } in occluders {
             let normal = polygon::area_vector(corners).normalize_or_zero();
-            let off = corners.iter().map(|&v| Vertex::new(v, &self.written).half.length());
-            let lean = Lean::of(corners).sine(off.fold(0.0, f64::max));
+            let lean = Lean::of(corners).sine(off);
             let normal = Side { normal, lean };
             for (k, &a) in corners.iter().enumerate() {
                 let b = corners[(k + 1) % corners.len()];
@@ -354,10 +380,10 @@ impl Rounded {
     }
 }
 
-/// Adds the terms that the border of an end sweeps, of a part `lit` of the light from the other end, and of its own area.
+/// Adds the terms that the border of an end sweeps, of the part of the light from the other end that is `lit` at a point, and of its own area.
 ///
 /// `k` is the number of the end in its pair.
-fn border_terms([end, other]: [&End; 2], k: usize, lit: f64, terms: &mut Terms) {
+fn border_terms([end, other]: [&End; 2], k: usize, lit: impl Fn(DVec3) -> f64, terms: &mut Terms) {
     let n = end.corners.len();
     let height = |v: &DVec3| end.normal.dot(*v - end.middle);
     let is_far = end.middle.distance(other.middle) > FAR * (end.radius + other.radius);
@@ -406,7 +432,8 @@ fn border_terms([end, other]: [&End; 2], k: usize, lit: f64, terms: &mut Terms) 
         };
         for (s, weight) in RULE {
             let t = start + s * length;
-            let swept = lit * weight * length * edge.cross(towards(a + t * edge));
+            let x = a + t * edge;
+            let swept = lit(x) * weight * length * edge.cross(towards(x));
             of_corners[c].0 += (1.0 - t) * swept;
             of_corners[(c + 1) % n].0 += t * swept;
         }

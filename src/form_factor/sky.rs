@@ -1,6 +1,6 @@
 //! The fractions of each patch's light that escape, and that back faces absorb.
 
-use super::backs::back_factors;
+use super::backs::{back_factors, shares_on_faces};
 use super::fraction::Fraction;
 use super::{Enclosed, Input, Reciprocity};
 use crate::matrix::{FormFactors, RowTally};
@@ -26,6 +26,7 @@ pub struct SkyFactors {
 /// method has such ([`Reciprocity::ToNoise`]). Otherwise back is 0 where faces hide all back faces, as the outsides of solids do, or the sum of the form factors to the backs of the faces that may be seen from
 /// behind, each computed like one between two fronts, to 1e-5. For patches that see backs past many faces it is the share of rays that meet them: 2^18 rays from each, or 2^24 in all; where
 /// the method shoots rays from a rule's points, as many as it shoots.
+/// Where a patch of a closed piece lies on a face of an open one, as the bottom of a block on a ground, nothing escapes: that light counts as absorbed by backs.
 ///
 /// Errors: of counted rays sqrt(p (1 − p) / N), with p = (N f + 1) / (N + 2) of a fraction f of N rays; otherwise the sum of the errors of the row's entries (of rays from a rule's points: beyond
 /// their noise, and that of the row), and that of back. They are zero where nothing can be seen. The error of a row's sum is the sum of its entries' errors, and its noise: errors of one row may have one sign.
@@ -52,6 +53,7 @@ pub fn sky_factors(
     let n_rays = tallies.iter().map(|tally| tally.n_rays).max().filter(|most| *most > 0);
     let n_rays = n_rays.map(|most| usize::try_from(most).unwrap_or(usize::MAX));
     let backs = back_factors(input, &wanted, n_rays);
+    let lying = shares_on_faces(input, |_| !is_known);
     let sums = factors.numbers_of_rows(|i| {
         let mut sums = [0.0; 2];
         factors.for_each_in_row(i, |_, value, error| {
@@ -99,13 +101,28 @@ pub fn sky_factors(
                 let common = back.common + sky.common;
                 (sky, Fraction { common, ..back })
             }
-            (false, true) => (counted(tally.escaped()), counted(tally.absorbed())),
-            (false, false) => (left_by(backs[i]), backs[i]),
+            (false, true) => held_back(counted(tally.escaped()), counted(tally.absorbed()), lying[i]),
+            (false, false) => held_back(left_by(backs[i]), backs[i], lying[i]),
         };
         ((sky, back), received)
     };
     let ((sky, back), received) = threads::collect(n, of_row).into_iter().unzip();
     SkyFactors { sky, back, received }
+}
+
+/// Returns the fractions that escape and that backs absorb, where a share of the patch lies on a face.
+fn held_back(sky: Fraction, back: Fraction, share: f64) -> (Fraction, Fraction) {
+    let held = sky.share(share);
+    let kept = Fraction {
+        value: back.value + held.value,
+        common: back.common + held.common,
+        variance: back.variance + held.variance,
+    };
+    // The rest of the patch may lose more than its part lets out.
+    let unequal = sky.value * share.min(1.0 - share);
+    let free = sky.share(1.0 - share);
+    let common = free.common + unequal;
+    (Fraction { common, ..free }, kept)
 }
 
 impl SkyFactors {

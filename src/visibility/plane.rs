@@ -78,7 +78,7 @@ impl Lean {
     /// Returns the apparent height of a point of the plane where corners are off by ulps.
     ///
     /// Heights are measured from a corner: from there the plane of a sliver leans by more than the height within its own width.
-    pub(super) fn height_by_rounding(&self, rounding: f64, point: DVec3) -> f64 {
+    pub(crate) fn height_by_rounding(&self, rounding: f64, point: DVec3) -> f64 {
         rounding * (1.0 + (self.reach + self.distance(point)) / self.width)
     }
 

@@ -283,17 +283,37 @@ impl<'a> Sheets<'a> {
         let own = &self.outlines[back];
         let mut reversed = own.corners.clone();
         reversed.reverse();
-        let mut parts = vec![reversed];
-        self.tree.overlapping(bounding_box(&own.corners), &mut |other| {
-            let cover = &self.outlines[other as usize];
-            let is_opposite = cover.normal.dot(own.normal) < -0.5;
-            if other as usize == back
-                || !is_opposite
-                || cover.corners.iter().any(|&v| own.height(v).abs() > self.tolerance)
-            {
-                return;
+        self.outside_of(reversed, |other| {
+            let cover = &self.outlines[other];
+            other != back
+                && cover.normal.dot(own.normal) < -0.5
+                && cover.corners.iter().all(|&v| own.height(v).abs() <= self.tolerance)
+        })
+    }
+
+    /// Returns the share of a patch's area that lies on faces of opposite winding among those that `may_cover` picks.
+    pub(super) fn share_on(&self, patch: Vec<DVec3>, may_cover: impl Fn(usize) -> bool) -> f64 {
+        let vector = polygon::area_vector(&patch);
+        let corners = patch.clone();
+        let rest = self.outside_of(patch, |other| {
+            let cover = &self.outlines[other];
+            cover.normal.dot(vector) < 0.0
+                && may_cover(other)
+                && corners.iter().all(|&v| cover.height(v).abs() <= self.tolerance)
+        });
+        let left: f64 = rest.iter().map(|part| polygon::area_vector(part).length()).sum();
+        (1.0 - left / vector.length()).clamp(0.0, 1.0)
+    }
+
+    /// Returns the parts of a convex polygon outside of the faces in its plane that `covers` picks.
+    fn outside_of(&self, polygon: Vec<DVec3>, covers: impl Fn(usize) -> bool) -> Vec<Vec<DVec3>> {
+        let bounds = bounding_box(&polygon);
+        let mut parts = vec![polygon];
+        self.tree.overlapping(bounds, &mut |other| {
+            if covers(other as usize) {
+                let cover = &self.outlines[other as usize];
+                parts = parts.iter().flat_map(|part| self.without(part, cover)).collect();
             }
-            parts = parts.iter().flat_map(|part| self.without(part, cover)).collect();
         });
         parts
     }

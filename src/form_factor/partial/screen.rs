@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 use glam::DVec3;
 
 use super::flat::{FLAT, Flat};
-use crate::visibility::plane::Lean;
+use crate::visibility::plane::{Lean, rounding};
 
 /// An occluder as something that may stop a line of sight.
 pub(super) struct Screen {
@@ -14,6 +14,8 @@ pub(super) struct Screen {
     pub(super) plane: Flat,
     /// How far corners are off the plane, in m: rounded coordinates bend a quad.
     bend: f64,
+    /// 16 ulps of the largest coordinate, in m, by which the plane leans.
+    rounding: f64,
     lean: Lean,
 }
 
@@ -25,6 +27,7 @@ impl Screen {
                 .collect(),
             bend: corners.iter().map(|&v| plane.height(v).abs()).fold(0.0, f64::max),
             plane,
+            rounding: rounding(corners),
             lean: Lean::of(corners),
         }
     }
@@ -32,7 +35,8 @@ impl Screen {
     /// Returns 1 for a point in front of the screen, −1 behind it, and 0 where rounding or the bend decides.
     pub(super) fn side(&self, point: DVec3) -> i32 {
         let height = self.plane.snapped_height(point, FLAT);
-        if height.abs() <= self.lean.height(self.bend, point) {
+        let uncertain = self.lean.height(self.bend, point);
+        if height.abs() <= uncertain.max(self.lean.height_by_rounding(self.rounding, point)) {
             0
         } else {
             height.total_cmp(&0.0) as i32

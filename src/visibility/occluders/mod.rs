@@ -375,7 +375,8 @@ impl OccluderIndex {
                     return known.1;
                 }
                 let solid = &self.solids[index as usize];
-                let excluded = solid.excludes(p, self.slack) && solid.excludes(q, self.slack);
+                // A strip of a patch that rounding has put inside sees the sides from behind.
+                let excluded = [p, q].iter().all(|end| solid.excludes_all_of(end, self.slack));
                 outside.push((index, excluded));
                 excluded
             });

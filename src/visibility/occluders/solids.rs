@@ -49,7 +49,13 @@ impl Solid {
     /// A point within `slack`, m, and rounding of a plane counts as in it.
     pub(super) fn excludes(&self, corners: &[DVec3], slack: f64) -> bool {
         let tolerance = slack + rounding(corners).max(self.rounding);
-        self.is_before_a_side(corners, tolerance) || self.is_on_one_side(corners, tolerance)
+        self.is_before_a_side(corners, tolerance, tolerance) || self.is_on_one_side(corners, tolerance)
+    }
+
+    /// Returns whether [`excludes`](Self::excludes) holds and no strip of the polygon, however narrow, lies inside.
+    pub(super) fn excludes_all_of(&self, corners: &[DVec3], slack: f64) -> bool {
+        let rounding = rounding(corners).max(self.rounding);
+        self.is_before_a_side(corners, slack + rounding, rounding) || self.is_on_one_side(corners, slack + rounding)
     }
 
     fn is_on_one_side(&self, polygon: &[DVec3], tolerance: f64) -> bool {
@@ -69,10 +75,11 @@ impl Solid {
         n_within <= 2 && (n_before == 0 || n_behind == 0)
     }
 
-    fn is_before_a_side(&self, corners: &[DVec3], tolerance: f64) -> bool {
+    /// Returns whether a polygon is in front of a side, and no more than `depth`, m, behind its plane anywhere.
+    fn is_before_a_side(&self, corners: &[DVec3], tolerance: f64, depth: f64) -> bool {
         self.planes.iter().zip(&self.leans).any(|(plane, lean)| {
             let heights = || corners.iter().map(|&v| (plane.height(v), lean.height(tolerance, v)));
-            heights().all(|(h, _)| h >= -tolerance) && heights().any(|(h, rounded)| h > rounded)
+            heights().all(|(h, _)| h >= -depth) && heights().any(|(h, rounded)| h > rounded)
         })
     }
 }

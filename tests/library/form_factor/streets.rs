@@ -177,10 +177,13 @@ impl Format {
     }
 }
 
+/// Streets in which rounding puts a patch into the solid that it stands on, or turns the plane of a roof's edge by more than the height of a far sun over it.
+const TELLING: [u64; 6] = [44, 369, 428, 521, 2698, 3556];
+
 #[test]
 fn streets_are_the_same_wherever_they_stand_and_however_they_are_written() {
     let (mut n, mut n_missed) = (0, 0);
-    for seed in 0..n_cases(40, 600) {
+    for seed in (0..n_cases(40, 600)).chain(TELLING) {
         let mut random = Uniform(seed);
         let outlines = street(&mut random, seed % 2 == 0);
         let in_full = |v: DVec3| v.to_array().map(|x| x.to_string());
@@ -220,8 +223,8 @@ fn streets_are_the_same_wherever_they_stand_and_however_they_are_written() {
                         found.form_factor[k], truth.form_factor[k]
                     )
                 };
-                // Light through a slit of a few units is not linear in its width.
-                assert!(off <= 4.0 * stated + 2e-5, "{}", case());
+                // Beyond three standard deviations, and of a second order.
+                assert!(off <= 2.0 * stated + 2e-7, "{}", case());
                 n += 1;
                 n_missed += usize::from(off > stated);
             }
