@@ -11,13 +11,13 @@
 
 use glam::DVec3;
 
-use crate::form_factor::partial::{self, Integration, Partial, Whole};
+use crate::form_factor::partial::{self, Integration, Limits, Partial, Whole};
 use crate::form_factor::sight::whole_where_grazing;
 use crate::geometry::clip::clip_to_half_space;
 use crate::geometry::polygon;
 use crate::progress::Progress;
 use crate::threads;
-use crate::visibility::occluders::{Occluder, OccluderId, OccluderIndex, PairVisibility};
+use crate::visibility::occluders::{OccluderId, OccluderIndex, PairVisibility};
 use crate::visibility::plane::Plane;
 
 /// The fewest occluders of a pair that is divided; of a convex solid at most three sides count, as the view of one changes little.
@@ -124,18 +124,39 @@ impl Split<'_> {
             return found;
         }
         if has_few {
-            let mut whole = Integration::begin([p, q], &occluders, closer, self.budget, without);
+            let mut whole = Integration::begin([p, q], &occluders, closer, Limits::of(self.budget), without);
             whole.refine(goal, self.budget, &self.go_on());
             whole.refine(closer, extra, &self.go_on());
             return whole.result(goal);
         }
+        let uncut = |goal: f64| partial::uncut([p, q], &occluders, goal, without);
+        if let Some(found) = uncut(closer) {
+            return found;
+        }
+        if let Some(worth) = partial::clipping_worth(&occluders, count, closer, without) {
+            let limits = Limits {
+                budget: self.budget,
+                worth,
+            };
+            let found = self.among_many([p, q], among, closer, without, limits);
+            if found.error <= closer {
+                return found;
+            }
+            let found = partial::after_all_by_rays([p, q], &occluders, closer, self.budget, without, &self.go_on());
+            if let Some(found) = found.filter(|found| found.error <= closer) {
+                return found;
+            }
+        }
         if closer < goal {
-            let found = self.among_many([p, q], among, &occluders, closer, without, extra);
+            let found = self.among_many([p, q], among, closer, without, Limits::of(extra));
             if found.error <= goal {
                 return Partial { reached: true, ..found };
             }
+            if let Some(found) = uncut(goal) {
+                return found;
+            }
         }
-        self.among_many([p, q], among, &occluders, goal, without, self.budget)
+        self.among_many([p, q], among, goal, without, Limits::of(self.budget))
     }
 
     /// Integrates a pair with many occluders.
@@ -145,22 +166,18 @@ impl Split<'_> {
         &self,
         [p, q]: [&[DVec3]; 2],
         among: &[OccluderId],
-        occluders: &[Occluder<'_>],
         goal: f64,
         without: Whole,
-        budget: usize,
+        limits: Limits,
     ) -> Partial {
-        if let Some(found) = partial::uncut([p, q], occluders, goal, without) {
-            return found;
-        }
         let Parts { leaves, full } = self.parts(p, q, among, goal, without);
         let cost: usize = leaves.iter().map(|leaf| leaf.cost).sum();
         let rest = goal - full[1];
         let begun: Vec<Integration> = threads::collect_from(&leaves, |leaf| {
             let share = leaf.cost as f64 / cost as f64;
-            self.begin(leaf, share * rest, budget.saturating_mul(leaf.cost) / cost)
+            self.begin(leaf, share * rest, limits.share(leaf.cost, cost))
         });
-        let found = self.finish(begun, rest, budget);
+        let found = self.finish(begun, rest, limits.budget);
         Partial {
             exchange_area: full[0] + found.exchange_area,
             error: full[1] + found.error,
@@ -286,11 +303,11 @@ impl Split<'_> {
     }
 
     /// Integrates a part to its own goal, as far as half of its share of the budget goes; first looks take at most that.
-    fn begin(&self, leaf: &Leaf, goal: f64, budget: usize) -> Integration {
+    fn begin(&self, leaf: &Leaf, goal: f64, limits: Limits) -> Integration {
         let [p, q] = leaf.polygons.each_ref().map(Vec::as_slice);
         let occluders = self.index.occluders(p, q, &leaf.among);
-        let mut integration = Integration::begin([p, q], &occluders, goal, budget, leaf.whole);
-        integration.refine(goal, budget / 2, &self.go_on());
+        let mut integration = Integration::begin([p, q], &occluders, goal, limits, leaf.whole);
+        integration.refine(goal, limits.budget / 2, &self.go_on());
         integration
     }
 
@@ -365,6 +382,8 @@ fn halved(corners: &[DVec3]) -> [Vec<DVec3>; 2] {
 #[cfg(test)]
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
+    use std::f64::consts::{PI, TAU};
+
     use glam::DQuat;
 
     use super::*;
@@ -437,6 +456,57 @@ mod tests {
             }
             assert_eq!(partial::uncut([&part, &floor], &occluders, 1e-5, most), None);
         }
+    }
+
+    /// A floor and a ceiling as in [`leaves`], with a ball of quads between them whose corners stand out and in by a thousandth of its radius.
+    fn bumpy_ball(n_rings: u32, n_sectors: u32) -> Scene {
+        let walls = leaves(0);
+        let mut outlines: Vec<[DVec3; 4]> = [0, 1].map(|k| walls.polygon(FaceId(k)).try_into().unwrap()).to_vec();
+        let corner = |ring: u32, sector: u32| {
+            let polar = (f64::from(ring) + 0.5) / f64::from(n_rings + 1) * PI;
+            let around = f64::from(sector % n_sectors) / f64::from(n_sectors) * TAU;
+            let step = f64::from(ring * n_sectors + sector % n_sectors);
+            let radius = 0.8 + 8e-4 * (2.0 * (step * 2.0_f64.sqrt()).fract() - 1.0);
+            let (sine, cosine) = polar.sin_cos();
+            DVec3::new(2.0, 2.0, 1.5) + radius * DVec3::new(sine * around.cos(), sine * around.sin(), cosine)
+        };
+        for ring in 0..n_rings {
+            outlines.extend(
+                (0..n_sectors).map(|k| {
+                    [(1, k), (1, k + 1), (0, k + 1), (0, k)].map(|(below, sector)| corner(ring + below, sector))
+                }),
+            );
+        }
+        Scene::of_quads(&outlines)
+    }
+
+    #[test]
+    fn a_bumpy_ball_is_left_to_rays_where_its_facets_cut_a_wall_into_too_many_pieces() {
+        let scene = bumpy_ball(4, 7);
+        let index = OccluderIndex::new(&scene);
+        let [floor, ceiling] = [0, 1].map(|k| scene.polygon(FaceId(k)));
+        let PairVisibility::Partial(among) = index.classify(&floor, &ceiling) else {
+            panic!("the ball occludes");
+        };
+        let split = Split {
+            index: &index,
+            budget: 10_000_000,
+            relative: f64::INFINITY,
+            unlike_of_few: 1.0,
+            progress: &Silent,
+        };
+        let whole = Whole::of(&floor, &ceiling, 0.0);
+        let found = |goal: f64| split.exchange_area(&floor, &ceiling, &among, goal, whole);
+        let (loose, tight) = (found(3e-2), found(1e-4));
+        assert!(
+            loose.n_rays > 0 && tight.n_rays == 0 && tight.reached,
+            "{loose:?} {tight:?}"
+        );
+        let off = (loose.exchange_area - tight.exchange_area).abs();
+        assert!(
+            loose.reached && off <= loose.error + tight.error,
+            "{off:e} {loose:?} {tight:?}"
+        );
     }
 
     #[test]

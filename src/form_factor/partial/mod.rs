@@ -48,7 +48,7 @@ use flat::Flat;
 pub(crate) use free_point::{Place, PointViews};
 use pieces::Pieces;
 pub use point::VisibleFactor;
-pub(super) use rays::by_rays;
+pub(super) use rays::{after_all_by_rays, by_rays, clipping_worth};
 use receiver::Receiver;
 use shadow::Shadows;
 use sight::{Sight, Views};
@@ -125,7 +125,7 @@ pub fn exchange_area(p: &[DVec3], q: &[DVec3], occluders: &[Occluder<'_>], accur
     let areas = [p, q].map(|side| polygon::area_vector(side).length());
     let goal = accuracy.tolerance * areas[0].min(areas[1]);
     let whole = Whole::of(p, q, SHARE_OF_WHOLE * goal);
-    let mut begun = Integration::begin([p, q], occluders, goal, accuracy.budget, whole);
+    let mut begun = Integration::begin([p, q], occluders, goal, Limits::of(accuracy.budget), whole);
     begun.refine(goal, accuracy.budget, &|| true);
     begun.result(goal)
 }
@@ -168,6 +168,38 @@ impl Whole {
     }
 }
 
+/// The most work for an integral.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits {
+    /// See [`Accuracy::budget`].
+    pub(super) budget: usize,
+    /// The cuts of fragments that are worth while: a first look that takes more is given up.
+    pub(super) worth: usize,
+}
+
+impl Limits {
+    /// Returns a budget that is worth while in any case.
+    pub(super) fn of(budget: usize) -> Self {
+        Self {
+            budget,
+            worth: usize::MAX,
+        }
+    }
+
+    /// Returns a share of both.
+    pub(super) fn share(self, part: usize, of: usize) -> Self {
+        let share = |n: usize| n.saturating_mul(part) / of;
+        Self {
+            budget: share(self.budget),
+            worth: if self.worth == usize::MAX {
+                self.worth
+            } else {
+                share(self.worth)
+            },
+        }
+    }
+}
+
 /// An integral that more work can refine.
 pub(super) struct Integration {
     state: State,
@@ -187,12 +219,15 @@ impl Integration {
         sides: [&[DVec3]; 2],
         occluders: &[Occluder<'_>],
         goal: f64,
-        budget: usize,
+        limits: Limits,
         whole: Whole,
     ) -> Self {
         let view = || View::new(sides, occluders, whole);
         match view() {
-            Ok(first) => Self::open(first.look(view, goal, budget)),
+            Ok(first) => match first.look(view, goal, limits) {
+                Some(pieces) => Self::open(pieces),
+                None => Self::given_up(whole),
+            },
             Err(nothing) => Self::without_looking(nothing),
         }
     }
@@ -200,6 +235,19 @@ impl Integration {
     fn open(pieces: Pieces) -> Self {
         Self {
             state: State::Open(Box::new(pieces)),
+        }
+    }
+
+    /// Anything between all and nothing.
+    fn given_up(whole: Whole) -> Self {
+        Self {
+            state: State::Done(Partial {
+                exchange_area: 0.5 * whole.area,
+                error: 0.5 * whole.area + whole.error,
+                n_evaluations: 0,
+                n_rays: 0,
+                reached: false,
+            }),
         }
     }
 
@@ -443,25 +491,27 @@ impl<'a> View<'a> {
     }
 
     /// Looks at all cells: past bodies without their discontinuity lines first, and with these if that takes too long; `again` makes the same view once more.
-    fn look(self, again: impl FnOnce() -> Result<Self, f64>, goal: f64, budget: usize) -> Pieces {
+    ///
+    /// `None` where that is not worth while.
+    fn look(self, again: impl FnOnce() -> Result<Self, f64>, goal: f64, limits: Limits) -> Option<Pieces> {
         if self.bodies.is_empty() {
-            return self.first_look(goal, budget, false);
+            return self.first_look(goal, limits, false);
         }
         let n_sides = self.occluders.len();
-        let mut pieces = self.first_look(goal, budget, true);
-        pieces.refine(goal, budget.min(PAST_BODIES * n_sides), &|| true);
+        let mut pieces = self.first_look(goal, limits, true)?;
+        pieces.refine(goal, limits.budget.min(PAST_BODIES * n_sides), &|| true);
         let n_evaluations = pieces.n_evaluations();
-        if pieces.error() <= goal || n_evaluations >= budget {
-            return pieces;
+        if pieces.error() <= goal || n_evaluations >= limits.budget || pieces.is_given_up() {
+            return Some(pieces);
         }
         match again() {
-            Ok(view) => view.first_look(goal, budget, false).spent(n_evaluations),
-            Err(_) => pieces,
+            Ok(view) => Some(view.first_look(goal, limits, false)?.spent(n_evaluations)),
+            Err(_) => Some(pieces),
         }
     }
 
     /// Cuts the receiver along the discontinuity lines, `past_bodies` only along those of other occluders, and looks at all cells.
-    fn first_look(self, goal: f64, budget: usize, past_bodies: bool) -> Pieces {
+    fn first_look(self, goal: f64, limits: Limits, past_bodies: bool) -> Option<Pieces> {
         let (low, high) = bounds(&self.sight.receiver.corners);
         let is_listed =
             |side: &&Occluder<'_>| !past_bodies || side.body.is_none_or(|body| !self.bodies.contains(&body));
@@ -485,7 +535,7 @@ impl<'a> View<'a> {
             outer,
             &events,
             margin,
-            MAX_CELLS.min(budget / (2 * rule::MAX_EVALUATIONS)),
+            MAX_CELLS.min(limits.budget / (2 * rule::MAX_EVALUATIONS)),
         );
 
         let whole = self.whole.area;
@@ -517,6 +567,9 @@ impl<'a> View<'a> {
         }
         let mut looks = Vec::new();
         for shape in cells.shapes() {
+            if sight.n_cuts() > limits.worth {
+                return None;
+            }
             let allowed = enough * shape.area();
             let site = sight.site(shape);
             if is_looser && site.views != Views::Any {
@@ -542,7 +595,7 @@ impl<'a> View<'a> {
             }
             looks.extend(shape.triangles().map(|corners| sight.look_at_triangle(corners, enough)));
         }
-        Pieces::new(sight, self.whole, &looks, enough, unlisted)
+        Some(Pieces::new(sight, self.whole, &looks, enough, unlisted).worth(limits.worth))
     }
 }
 

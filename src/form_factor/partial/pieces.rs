@@ -70,6 +70,8 @@ pub(super) struct Pieces {
     integral: f64,
     errors: Errors,
     n_evaluations: usize,
+    /// The cuts of fragments after which refinement ends.
+    worth: usize,
 }
 
 /// The number of cuts after which `go_on` is called: about a millisecond of them.
@@ -138,8 +140,19 @@ impl Pieces {
             errors: Errors::of_pieces(&queue),
             queue,
             n_evaluations,
+            worth: usize::MAX,
             sight,
         }
+    }
+
+    /// Ends refinement after so many cuts of fragments.
+    pub(super) fn worth(self, worth: usize) -> Self {
+        Self { worth, ..self }
+    }
+
+    /// Returns whether more cuts than are worth while have been made.
+    pub(super) fn is_given_up(&self) -> bool {
+        self.sight.n_cuts() > self.worth
     }
 
     pub(super) fn n_evaluations(&self) -> usize {
@@ -164,7 +177,7 @@ impl Pieces {
         let least = 0.1 * self.exchange_area(self.integral, 0.0).error;
         let mut summed = self.errors.sum;
         let mut n_cuts: u32 = 0;
-        while self.n_evaluations < budget {
+        while self.n_evaluations < budget && !self.is_given_up() {
             n_cuts = n_cuts.wrapping_add(1);
             if n_cuts.is_multiple_of(CUTS_AT_ONCE) && !go_on() {
                 break;

@@ -57,13 +57,44 @@ const IN_VAIN: f64 = 4.0;
 /// Rays of a scramble after which it is asked whether to go on; some milliseconds.
 const UNTIL_ASKED: usize = 4096;
 
+/// The cuts of a fragment of the target by a shadow that take as long as a ray: some 10 and 500 ns.
+const CUTS_OF_RAY: f64 = 50.0;
+
+/// How many times the expected time of rays clipping may take before it is given up.
+const PATIENCE: f64 = 2.0;
+
+/// Returns the number of rays that a pair is expected to need, by the ratio of [`worth`].
+fn expected(ratio: f64) -> f64 {
+    (SCRAMBLES * FIRST) as f64 + (0.5 * SPREADS * ratio).powf(1.6)
+}
+
+/// Returns the number of cuts of fragments that take twice as long as rays are expected to take; `None` for pairs without rays.
+///
+/// See [`by_rays`] for the arguments. How many fragments shadows leave is known only once they are cut; where more cuts are needed, [`after_all_by_rays`] takes less time.
+pub(in crate::form_factor) fn clipping_worth(
+    occluders: &[Occluder<'_>],
+    count: usize,
+    goal: f64,
+    whole: Whole,
+) -> Option<usize> {
+    let n_cuts = PATIENCE * CUTS_OF_RAY * expected(whole.area / (SHARE * goal));
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+    may_be_traced(occluders, count).then_some(n_cuts as usize)
+}
+
+/// Returns whether there are enough occluders for rays.
+fn may_be_traced(occluders: &[Occluder<'_>], count: usize) -> bool {
+    let n_loose = occluders.iter().filter(|occluder| !occluder.one_sided).count();
+    n_loose >= MIN_LOOSE || count >= MIN_ALL
+}
+
 /// Returns the most rays that a pair is worth, or `None` if clipping takes less time than rays.
 ///
 /// The loose ones of `n_occluders` have `n_corners`; `ratio` is the exchange area without occluders in units of the error allowed.
 /// The error of n scrambled rays falls as n^(−5/8), as each is stopped or passes: between n^(−1/2) of independent rays and n^(−3/4) of the best for regions of four dimensions.
 fn worth(n_occluders: usize, n_corners: impl FnOnce() -> usize, ratio: f64) -> Option<f64> {
     let first = (SCRAMBLES * FIRST) as f64;
-    let expected = first + (0.5 * SPREADS * ratio).powf(1.6);
+    let expected = expected(ratio);
     let of_occluders = first + PER_OCCLUDER * (n_occluders as f64).powf(1.5);
     let most = if expected <= of_occluders {
         of_occluders
@@ -91,12 +122,38 @@ pub(in crate::form_factor) fn by_rays(
     whole: Whole,
     go_on: &dyn Fn() -> bool,
 ) -> Option<Partial> {
-    let loose = || occluders.iter().filter(|occluder| !occluder.one_sided);
-    if loose().count() < MIN_LOOSE && count < MIN_ALL {
+    if !may_be_traced(occluders, count) {
         return None;
     }
+    let loose = || occluders.iter().filter(|occluder| !occluder.one_sided);
+    let most = worth(count, || n_corners(loose()), whole.area / (SHARE * goal))?;
+    trace(sides, occluders, goal, budget, most, whole, go_on)
+}
+
+/// Returns the same where clipping turned out to take more time.
+pub(in crate::form_factor) fn after_all_by_rays(
+    sides: [&[DVec3]; 2],
+    occluders: &[Occluder<'_>],
+    goal: f64,
+    budget: usize,
+    whole: Whole,
+    go_on: &dyn Fn() -> bool,
+) -> Option<Partial> {
+    let most = IN_VAIN * expected(whole.area / (SHARE * goal));
+    trace(sides, occluders, goal, budget, most, whole, go_on)
+}
+
+/// Traces rays until `SHARE` of the goal is reached, at most `most`.
+fn trace(
+    sides: [&[DVec3]; 2],
+    occluders: &[Occluder<'_>],
+    goal: f64,
+    budget: usize,
+    most: f64,
+    whole: Whole,
+    go_on: &dyn Fn() -> bool,
+) -> Option<Partial> {
     let enough = SHARE * goal;
-    let most = worth(count, || n_corners(loose()), whole.area / enough)?;
     if budget < SCRAMBLES * FIRST {
         return None;
     }

@@ -94,6 +94,8 @@ pub(super) struct Shadows {
     half_spaces: Vec<HalfSpace>,
     /// The bodies that have hidden anything.
     hiding: u64,
+    /// The number of times that a fragment was cut by a shadow, or found to be outside of it.
+    pub(super) n_cuts: usize,
 }
 
 /// Convex polygons, one after the other.
@@ -217,6 +219,7 @@ impl Shadows {
             rest: Vec::new(),
             half_spaces: Vec::new(),
             hiding: 0,
+            n_cuts: 0,
         }
     }
 
@@ -302,6 +305,7 @@ impl Shadows {
                 continue;
             };
             self.next.clear();
+            self.n_cuts += self.fragments.ends.len();
             for fragment in self.fragments.iter() {
                 if subtract(
                     fragment,

@@ -78,6 +78,11 @@ pub(super) struct Sight {
 }
 
 impl Sight {
+    /// Returns the number of cuts of fragments so far.
+    pub(super) fn n_cuts(&self) -> usize {
+        self.shadows.n_cuts
+    }
+
     /// Prepares the view of `shadows`.
     pub(super) fn new(receiver: Receiver, target: &[DVec3], occluders: &[Occluder<'_>], shadows: Shadows) -> Self {
         let outer: Vec<DVec2> = receiver.corners.iter().map(|&v| receiver.to_plane(v)).collect();
