@@ -53,7 +53,7 @@ pub fn sky_factors(
     let n_rays = tallies.iter().map(|tally| tally.n_rays).max().filter(|most| *most > 0);
     let n_rays = n_rays.map(|most| usize::try_from(most).unwrap_or(usize::MAX));
     let backs = back_factors(input, &wanted, n_rays);
-    let lying = shares_on_faces(input, |_| !is_known);
+    let lying = if is_known { vec![0.0; n] } else { shares_on_faces(input) };
     let sums = factors.numbers_of_rows(|i| {
         let mut sums = [0.0; 2];
         factors.for_each_in_row(i, |_, value, error| {

@@ -391,6 +391,16 @@ mod tests {
     use crate::progress::Silent;
     use crate::scene::{FaceId, Scene};
 
+    fn split_within(index: &OccluderIndex, budget: usize) -> Split<'_> {
+        Split {
+            index,
+            budget,
+            relative: f64::INFINITY,
+            unlike_of_few: 1.0,
+            progress: &Silent,
+        }
+    }
+
     /// Leaves between a floor and a ceiling of 4 m × 4 m, 3 m apart, which are faces 0 and 1.
     fn leaves(n: u32) -> Scene {
         let level = |z: f64| [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)].map(|(x, y)| DVec3::new(x, y, z));
@@ -414,13 +424,7 @@ mod tests {
         let scene = leaves(12);
         let index = OccluderIndex::new(&scene);
         let [floor, ceiling] = [0, 1].map(|k| scene.polygon(FaceId(k)));
-        let split = Split {
-            index: &index,
-            budget: 10_000_000,
-            relative: f64::INFINITY,
-            unlike_of_few: 1.0,
-            progress: &Silent,
-        };
+        let split = split_within(&index, 10_000_000);
         // A sixteenth of the ceiling, and the whole floor: each sees the other past most of the leaves.
         for (x, y) in [(0.0, 0.0), (0.25, 0.5), (0.75, 0.25)] {
             let corner = |u: f64, v: f64| {
@@ -488,13 +492,7 @@ mod tests {
         let PairVisibility::Partial(among) = index.classify(&floor, &ceiling) else {
             panic!("the ball occludes");
         };
-        let split = Split {
-            index: &index,
-            budget: 10_000_000,
-            relative: f64::INFINITY,
-            unlike_of_few: 1.0,
-            progress: &Silent,
-        };
+        let split = split_within(&index, 10_000_000);
         let whole = Whole::of(&floor, &ceiling, 0.0);
         let found = |goal: f64| split.exchange_area(&floor, &ceiling, &among, goal, whole);
         let (loose, tight) = (found(3e-2), found(1e-4));
@@ -524,13 +522,7 @@ mod tests {
         };
         let reference = partial::exchange_area(&p, &q, &occluders, accuracy(1e-6));
         assert!(reference.reached, "{reference:?}");
-        let with = |budget: usize| Split {
-            index: &index,
-            budget,
-            relative: f64::INFINITY,
-            unlike_of_few: 1.0,
-            progress: &Silent,
-        };
+        let with = |budget: usize| split_within(&index, budget);
         let whole = Whole::of(&p, &q, 0.0);
         let n_parts = with(0).parts(&p, &q, &among, 1e-5, whole).leaves.len();
         assert!(n_parts >= 3, "{n_parts}");

@@ -57,7 +57,9 @@ const IN_VAIN: f64 = 4.0;
 /// Rays of a scramble after which it is asked whether to go on; some milliseconds.
 const UNTIL_ASKED: usize = 4096;
 
-/// The cuts of a fragment of the target by a shadow that take as long as a ray: some 10 and 500 ns.
+/// The cuts of a fragment of the target by a shadow that count as a ray.
+///
+/// Chosen such that a ball that is not quite round is left to rays, and a furnished room takes no longer: `docs/performance.md`.
 const CUTS_OF_RAY: f64 = 50.0;
 
 /// How many times the expected time of rays clipping may take before it is given up.
