@@ -84,6 +84,15 @@ pub fn distance(point: DVec3, corners: &[DVec3]) -> f64 {
 #[must_use]
 pub fn planarity_error(corners: &[DVec3]) -> f64 {
     let normal = area_vector(corners).normalize_or_zero();
+    if let [a, b, c, d] = *corners {
+        // All corners of a quad are as far, two on each side; the normal of a narrow one leans by rounding, which its shortest edge shows least.
+        let edges = [b - a, c - b, d - c, a - d];
+        return 0.5
+            * edges
+                .map(|edge| normal.dot(edge).abs())
+                .into_iter()
+                .fold(f64::INFINITY, f64::min);
+    }
     let mean = corners.iter().sum::<DVec3>() / corners.len() as f64;
     corners.iter().map(|&v| normal.dot(v - mean).abs()).fold(0.0, f64::max)
 }
@@ -106,6 +115,11 @@ pub fn solid_angle(corners: &[DVec3]) -> f64 {
             .atan2(x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y)
     };
     rest.windows(2).map(triangle).sum()
+}
+
+/// Returns whether a vector has at most one component that is not 0.
+pub(crate) fn is_along_axis(vector: DVec3) -> bool {
+    vector.to_array().iter().filter(|x| x.abs() > 0.0).count() < 2
 }
 
 #[cfg(test)]

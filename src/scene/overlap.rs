@@ -9,7 +9,7 @@ use super::split::PLANARITY;
 use super::{Face, FaceId, Scene, Written};
 use crate::geometry::box_pairs::{collected_pairs, overlapping_pairs};
 use crate::geometry::clip::clip_to_half_space;
-use crate::geometry::polygon;
+use crate::geometry::polygon::{self, is_along_axis};
 use crate::threads;
 
 /// The width of a strip that two faces may share by the rounding of six digits, in units of the greatest |coordinate|.
@@ -218,11 +218,6 @@ impl Measures {
     fn lean(&self) -> f64 {
         2.0 * self.half_unit.length() * self.diameter / self.area.max(f64::MIN_POSITIVE)
     }
-}
-
-/// Returns whether a vector has at most one component that is not 0.
-pub(super) fn is_along_axis(vector: DVec3) -> bool {
-    vector.to_array().iter().filter(|x| x.abs() > 0.0).count() < 2
 }
 
 /// Returns whether all edges of an outline are along axes, but for the diagonal in half of a rectangle.

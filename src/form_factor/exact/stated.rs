@@ -163,14 +163,19 @@ impl Batches<'_> {
         for (row, i) in rows.iter_mut().zip(*first_row..) {
             let n_found = row.len();
             rounded.behind(&self.facing, i, i + 1..self.patches.len(), |j, most| {
-                let column = PatchId::from_index(j).0;
-                if !self.is_stated([i, j], most)
-                    || row[..n_found].binary_search_by_key(&column, |entry| entry.0).is_ok()
-                {
+                if !self.is_stated([i, j], most) {
                     return;
                 }
-                row.push((column, 0.0, most));
-                self.count_hidden([i, j], most, counts);
+                let column = PatchId::from_index(j).0;
+                match row[..n_found].binary_search_by_key(&column, |entry| entry.0) {
+                    Err(_) => {
+                        row.push((column, 0.0, most));
+                        self.count_hidden([i, j], most, counts);
+                    }
+                    // It is hidden but for a slit.
+                    Ok(k) if row[k].1 <= 0.0 => row[k].2 = row[k].2.max(most),
+                    Ok(_) => {}
+                }
             });
             row.sort_unstable_by_key(|entry| entry.0);
         }

@@ -59,12 +59,14 @@ impl<'a> RoundedRows<'a> {
         let least = LEAST * self.rounded.ends[i].area;
         self.rounded.behind(&self.facing, i, columns, |j, most| {
             let column = PatchId::from_index(j).0;
-            if most > least
-                && entries[..n_found]
-                    .binary_search_by_key(&column, |entry| entry.0)
-                    .is_err()
-            {
-                entries.push((column, 0.0, most / scale));
+            if most <= least {
+                return;
+            }
+            match entries[..n_found].binary_search_by_key(&column, |entry| entry.0) {
+                Err(_) => entries.push((column, 0.0, most / scale)),
+                // No ray hit it, and the error is that of the rays.
+                Ok(k) if entries[k].1 <= 0.0 => entries[k].2 = entries[k].2.max(most / scale),
+                Ok(_) => {}
             }
         });
         entries.sort_unstable_by_key(|entry| entry.0);

@@ -7,7 +7,8 @@ use std::borrow::Cow;
 
 use glam::DVec3;
 
-use super::{MIN_SLACKS, Plane};
+use super::Plane;
+use super::levels::MIN_SLACKS;
 
 /// The squared sine between normals below which two planes have no well-defined line in common.
 const PARALLEL: f64 = 1e-3;

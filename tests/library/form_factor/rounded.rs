@@ -4,6 +4,7 @@ use std::path::Path;
 
 use glam::{DQuat, DVec3};
 use radiosity::form_factor::{Computed, ExactMethod, FormFactorMethod};
+use radiosity::matrix::FormFactors;
 use radiosity::scene::{Scene, builtin};
 
 use crate::support::rooms::{Prepared, Shapes, ground, moved, quick, with_decimals, with_digits, written_as};
@@ -361,4 +362,96 @@ fn a_few_digits_are_rounded_where_the_mesh_shows_it() {
         let worst = worst_error(&computed.factors);
         assert!(computed.tolerance_met && worst <= 1e-6, "{name}: {worst:e}");
     }
+}
+
+/// Returns the largest row sum, and error of a row, of the bottom of a turned block `gap` m over a wide ground, in a file of so many decimals.
+fn of_bottom(random: &mut Uniform, places: usize, gap: f64, method: &dyn FormFactorMethod) -> [f64; 2] {
+    let low = DVec3::new(random.between(0.0, 3.5), random.between(0.0, 3.5), gap);
+    let mut shapes = Shapes::default();
+    shapes.face(&[[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]].map(|[x, y]| DVec3::new(x, y, 0.0)));
+    shapes.cuboid(low, low + DVec3::splat(0.5), DQuat::IDENTITY, false);
+    let axis = DVec3::from_array([(); 3].map(|()| random.between(-1.0, 1.0))).normalize();
+    let turn = DQuat::from_axis_angle(axis, random.between(0.3, 2.8));
+    let scene = moved(&shapes.scene(), turn, 1.0, DVec3::ZERO);
+    // Bent quads become triangles.
+    let prepared = Prepared::new(written_as(|x| format!("{x:.places$}"), &scene), 1);
+    let factors = prepared.compute(method);
+    let patches = &prepared.mesh.patches;
+    let bottom = (0..patches.len()).filter(|&i| patches[i].normal.dot(turn * DVec3::Z) < -0.9);
+    let n = factors.n_rows();
+    let rows = bottom
+        .map(|i| [FormFactors::get, FormFactors::std_error].map(|of| (0..n).map(|j| of(&factors, i, j)).sum::<f64>()));
+    rows.fold([0.0, 0.0], |[a, b], [c, d]| [a.max(c), b.max(d)])
+}
+
+/// Nothing tells a gap of two units of the last digit from contact for certain, and contact is what a file with less means.
+#[test]
+fn a_gap_of_two_units_is_in_doubt_and_a_block_on_the_ground_is_not() {
+    let mut random = Uniform(20_261_128);
+    let exact = ExactMethod::default();
+    let methods: [&dyn FormFactorMethod; 2] = [&exact, &*quick("qmc", 3)];
+    for (case, (places, unit)) in (0..n_cases(20, 200)).zip([(3, 1e-3), (6, 1e-6), (4, 1e-4)].into_iter().cycle()) {
+        let method = methods[usize::from(case % 5 == 4)];
+        let [sum, error] = of_bottom(&mut random, places, 0.0, method);
+        assert!(sum < 0.02 && error < 0.02, "{case}: {sum} {error}");
+        for gap in [2.0, 3.0] {
+            let parted = of_bottom(&mut random, places, gap * unit, method);
+            assert!(parted.iter().any(|x| *x > 0.95), "{case}, {gap} units: {parted:?}");
+        }
+    }
+}
+
+/// Adds one side of a sheet, cut into a grid whose quads are whole or halved.
+fn side_of_sheet(random: &mut Uniform, shapes: &mut Shapes, size: [f64; 2], is_back: bool) {
+    let n = [(); 2].map(|()| 1 + u32::from(random.next() < 0.6) + u32::from(random.next() < 0.3));
+    let corner = |i: u32, j: u32| {
+        let at = |axis: usize, k: u32| size[axis] * f64::from(k) / f64::from(n[axis]);
+        DVec3::new(at(0, i), at(1, j), 0.0)
+    };
+    let mut add = |corners: &[DVec3]| {
+        let mut corners = corners.to_vec();
+        if is_back {
+            corners.reverse();
+        }
+        shapes.face(&corners);
+    };
+    for k in 0..n[0] * n[1] {
+        let (i, j) = (k / n[1], k % n[1]);
+        let [a, b, c, d] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(x, y)| corner(i + x, j + y));
+        if random.next() < 0.5 {
+            add(&[a, b, c]);
+            add(&[a, c, d]);
+        } else {
+            add(&[a, b, c, d]);
+        }
+    }
+}
+
+/// Few digits leave heights over a plane that are multiples of one number, so that triangles are often parallel to it.
+#[test]
+fn the_sides_of_a_sheet_that_are_cut_differently_do_not_see_each_other() {
+    let mut random = Uniform(20_261_129);
+    let n = n_cases(100, 1_000);
+    let mut n_doubtful = 0;
+    for case in 0..n {
+        let mut shapes = Shapes::default();
+        let size = [(); 2].map(|()| random.between(0.3, 2.0));
+        for is_back in [false, true] {
+            side_of_sheet(&mut random, &mut shapes, size, is_back);
+        }
+        let axis = DVec3::from_array([(); 3].map(|()| random.between(-1.0, 1.0))).normalize();
+        let turn = DQuat::from_axis_angle(axis, random.between(0.3, 2.8));
+        let places = [3, 4, 6][case % 3];
+        let scene = moved(&shapes.scene(), turn, 1.0, DVec3::ZERO);
+        let factors = compute(written_as(|x| format!("{x:.places$}"), &scene), 1, 1e-4).factors;
+        let n_rows = factors.n_rows();
+        let worst = |of: fn(&FormFactors, usize, usize) -> f64| {
+            let pairs = (0..n_rows).flat_map(|i| (0..n_rows).map(move |j| (i, j)));
+            pairs.map(|(i, j)| of(&factors, i, j)).fold(0.0, f64::max)
+        };
+        let beyond = worst(|of, i, j| of.get(i, j) - of.std_error(i, j));
+        assert!(beyond < 1e-6, "{case}: {beyond:e}");
+        n_doubtful += usize::from(worst(FormFactors::std_error) > 0.02);
+    }
+    assert!(100 * n_doubtful <= 3 * n, "{n_doubtful} of {n}");
 }
