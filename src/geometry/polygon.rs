@@ -84,17 +84,16 @@ pub fn distance(point: DVec3, corners: &[DVec3]) -> f64 {
 #[must_use]
 pub fn planarity_error(corners: &[DVec3]) -> f64 {
     let normal = area_vector(corners).normalize_or_zero();
-    if let [a, b, c, d] = *corners {
-        // All corners of a quad are as far, two on each side; the normal of a narrow one leans by rounding, which its shortest edge shows least.
-        let edges = [b - a, c - b, d - c, a - d];
-        return 0.5
-            * edges
-                .map(|edge| normal.dot(edge).abs())
-                .into_iter()
-                .fold(f64::INFINITY, f64::min);
-    }
     let mean = corners.iter().sum::<DVec3>() / corners.len() as f64;
-    corners.iter().map(|&v| normal.dot(v - mean).abs()).fold(0.0, f64::max)
+    let highest = corners.iter().map(|&v| normal.dot(v - mean).abs()).fold(0.0, f64::max);
+    match *corners {
+        // The normal of a narrow quad leans by rounding. Its diagonals are no farther apart than any edge is long, and each corner is half as far from the mean plane.
+        [a, b, c, d] => {
+            let edges = [b - a, c - b, d - c, a - d].map(DVec3::length);
+            edges.into_iter().fold(2.0 * highest, f64::min) / 2.0
+        }
+        _ => highest,
+    }
 }
 
 /// Returns the solid angle of a polygon as the origin sees it, sr: positive from behind.
