@@ -35,14 +35,64 @@ struct Facet {
 
 /// An edge that may be part of the silhouette.
 #[derive(Clone, Copy, Debug)]
-struct Edge {
-    from: DVec3,
+pub(super) struct Edge {
+    pub(super) from: DVec3,
+    to: DVec3,
     along: DVec3,
     /// The sum of its components without their signs.
     length: f64,
     /// From its beginning to the middle of the target.
     to_target: DVec3,
-    sides: [usize; 2],
+    pub(super) sides: [usize; 2],
+}
+
+impl Edge {
+    /// Makes an edge that runs counter-clockwise around the first of two sides.
+    pub(super) fn new([from, to]: [DVec3; 2], sides: [usize; 2], middle: DVec3) -> Self {
+        Self {
+            from,
+            to,
+            along: to - from,
+            length: (to - from).abs().element_sum(),
+            to_target: middle - from,
+            sides,
+        }
+    }
+
+    /// Returns the half-spaces of the triangle that the edge spans with a direction, seen from a point: that of the edge last.
+    pub(super) fn triangle(&self, point: DVec3, of_first: bool, way: DVec3) -> [HalfSpace; 3] {
+        let sign = if of_first { 1.0 } else { -1.0 };
+        // From neighbouring edges the plane through their common end is the same to the last bit.
+        let spoke = |end: DVec3, sign: f64| {
+            let r = end - point;
+            let normal = way.cross(r) * sign;
+            let to_target = self.from + self.to_target - end;
+            let slack = 1e-15 * r.abs().element_sum() * way.abs().element_sum();
+            HalfSpace {
+                normal,
+                offset: normal.dot(to_target),
+                slack: [slack * to_target.abs().element_sum(), slack],
+            }
+        };
+        [
+            spoke(self.from, -sign),
+            spoke(self.to, sign),
+            self.half_space(point, of_first),
+        ]
+    }
+
+    /// Returns the half-space whose plane goes through a point and the edge, on the side of the one that faces the point: the first or the second.
+    pub(super) fn half_space(&self, point: DVec3, of_first: bool) -> HalfSpace {
+        // Around the side that faces the point an edge runs counter-clockwise, as that of a polygon does seen from its front.
+        let r = self.from - point;
+        let normal = r.cross(self.along) * if of_first { -1.0 } else { 1.0 };
+        let slack = 1e-15 * r.abs().element_sum() * self.length;
+        HalfSpace {
+            normal,
+            offset: normal.dot(self.to_target),
+            slack: [slack * self.to_target.abs().element_sum(), slack],
+        }
+    }
 }
 
 /// A closed convex solid between a receiver and a target, outside of which both lie.
@@ -118,18 +168,7 @@ impl Silhouette {
         let faces = &silhouette.faces;
         let may_be_seen = |[a, b]: [usize; 2]| turns[a] || turns[b] || faces[a] != faces[b];
         let ridges = solid.ridges().iter().filter(|ridge| may_be_seen(ridge.sides));
-        silhouette.edges = ridges
-            .map(|ridge| {
-                let [from, to] = ridge.ends;
-                Edge {
-                    from,
-                    along: to - from,
-                    length: (to - from).abs().element_sum(),
-                    to_target: middle - from,
-                    sides: ridge.sides,
-                }
-            })
-            .collect();
+        silhouette.edges = ridges.map(|ridge| Edge::new(ridge.ends, ridge.sides, middle)).collect();
         Some(silhouette)
     }
 
@@ -150,18 +189,9 @@ impl Silhouette {
         half_spaces.clear();
         for edge in &self.edges {
             let [first, second] = edge.sides.map(|side| self.faces[side]);
-            if first == second {
-                continue;
+            if first != second {
+                half_spaces.push(edge.half_space(point, first));
             }
-            // Around the side that faces the point an edge runs counter-clockwise, as that of a polygon does seen from its front.
-            let r = edge.from - point;
-            let normal = r.cross(edge.along) * if first { -1.0 } else { 1.0 };
-            let slack = 1e-15 * r.abs().element_sum() * edge.length;
-            half_spaces.push(HalfSpace {
-                normal,
-                offset: normal.dot(edge.to_target),
-                slack: [slack * edge.to_target.abs().element_sum(), slack],
-            });
         }
         let turned = self.turning.iter().filter(|facet| self.faces[facet.side]);
         let cutting = turned.filter(|facet| facet.target == Place::Both).chain(&self.cutting);

@@ -17,6 +17,7 @@ mod few;
 mod flat;
 mod free_point;
 mod gauss;
+mod groups;
 mod integration;
 mod layers;
 mod pieces;

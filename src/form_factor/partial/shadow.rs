@@ -11,6 +11,7 @@ use crate::visibility::occluders::Occluder;
 
 use super::bodies::{self, Silhouette};
 use super::flat::Flat;
+use super::groups::{self, Group, Member};
 use super::receiver::Receiver;
 use super::rule::Parts;
 
@@ -40,6 +41,8 @@ struct Caster {
     one_sided: bool,
     /// The bit of the body that it is a part of.
     body: u64,
+    /// Where it is in a group.
+    group: Option<groups::Place>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,6 +90,7 @@ pub(super) struct Shadows {
     /// Bodies first, then the casters that hide most, so that little remains for the others to cut.
     bodies: Vec<(Silhouette, u64)>,
     casters: Vec<Caster>,
+    groups: Vec<Group>,
     fragments: Fragments,
     next: Fragments,
     piece: Vec<DVec3>,
@@ -188,6 +192,7 @@ impl Shadows {
                     target: place,
                     one_sided,
                     body: 0,
+                    group: None,
                 };
                 Some((corners, caster))
             })
@@ -198,6 +203,19 @@ impl Shadows {
             let facing = polygon::area_vector(corners).dot(r).abs();
             Reverse((facing / r.length().powi(3)).to_bits())
         });
+        let screen = Flat::of(target);
+        let side = screen.snapped_height(eye, EDGE_ON);
+        let is_between = |v: &DVec3| height(*v) > 0.0 && side * screen.snapped_height(*v, EDGE_ON) > 0.0;
+        let members = casters.iter().map(|(corners, caster)| {
+            corners.iter().all(is_between).then_some(Member {
+                corners,
+                plane: &caster.plane,
+            })
+        });
+        let (groups, places) = Group::all(&members.collect::<Vec<_>>(), middle);
+        for ((_, caster), place) in casters.iter_mut().zip(places) {
+            caster.group = place;
+        }
         let silhouettes = bodies
             .into_iter()
             .filter_map(|body| Silhouette::new(body, receiver, target, middle));
@@ -213,6 +231,7 @@ impl Shadows {
             middle,
             receiver_normal: receiver.normal,
             casters: casters.into_iter().map(|(_, caster)| caster).collect(),
+            groups,
             fragments: Fragments::default(),
             next: Fragments::default(),
             piece: Vec::new(),
@@ -300,32 +319,48 @@ impl Shadows {
             }
         };
         let (mut hidden, mut is_cut) = (DVec3::ZERO, false);
-        for k in 0..self.bodies.len() + self.casters.len() {
-            let Some(body) = self.prepare(k, point) else {
-                continue;
-            };
-            self.next.clear();
-            self.n_cuts += self.fragments.ends.len();
-            for fragment in self.fragments.iter() {
+        let mut groups = std::mem::take(&mut self.groups);
+        let mut cut = |shadows: &mut Self, body: u64, half_spaces: &[HalfSpace]| {
+            shadows.next.clear();
+            shadows.n_cuts += shadows.fragments.ends.len();
+            for fragment in shadows.fragments.iter() {
                 if subtract(
                     fragment,
-                    &self.half_spaces,
-                    &mut self.next,
-                    &mut self.rest,
-                    &mut self.piece,
+                    half_spaces,
+                    &mut shadows.next,
+                    &mut shadows.rest,
+                    &mut shadows.piece,
                 ) {
                     is_cut = true;
-                    self.hiding |= body;
+                    shadows.hiding |= body;
                     if with_hidden {
-                        hidden += contour(&self.rest);
+                        hidden += contour(&shadows.rest);
                     }
                 }
             }
-            std::mem::swap(&mut self.fragments, &mut self.next);
+            std::mem::swap(&mut shadows.fragments, &mut shadows.next);
+        };
+        for group in &mut groups {
+            for triangle in group.look_from(point) {
+                // The last bit: its sides are bodies of their own.
+                cut(self, 1 << 63, triangle);
+            }
+        }
+        for k in 0..self.bodies.len() + self.casters.len() {
             if self.fragments.ends.is_empty() {
                 break;
             }
+            let place = k.checked_sub(self.bodies.len()).and_then(|k| self.casters[k].group);
+            if place.is_some_and(|(group, place)| groups[group].covers(place)) {
+                continue;
+            }
+            if let Some(body) = self.prepare(k, point) {
+                let half_spaces = std::mem::take(&mut self.half_spaces);
+                cut(self, body, &half_spaces);
+                self.half_spaces = half_spaces;
+            }
         }
+        self.groups = groups;
         let factor = |contour: DVec3| (-contour.dot(self.receiver_normal) / TAU).clamp(0.0, 1.0);
         if !with_hidden {
             let visible = factor(self.fragments.iter().map(contour).sum());

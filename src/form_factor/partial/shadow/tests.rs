@@ -111,3 +111,68 @@ fn a_plate_seen_edge_on_hides_nothing() {
     let whole = point_form_factor(POINT, DVec3::Z, &ceiling());
     assert!((factor(&[(plate, false)], POINT) - whole).abs() < 1e-15);
 }
+
+/// A ball with dents, or what is left of one without its `lost` first facets, by rings of triangles.
+fn dented_ball(next: &mut impl FnMut() -> f64, dent: f64, lost: usize) -> Vec<(Vec<DVec3>, bool)> {
+    const N: [usize; 2] = [9, 6];
+    let corners: Vec<Vec<DVec3>> = (0..=N[1])
+        .map(|ring| {
+            let polar = std::f64::consts::PI * ring as f64 / N[1] as f64;
+            let pole = next();
+            let of_ring = (0..N[0]).map(|k| {
+                let angle = TAU * k as f64 / N[0] as f64;
+                let way = DVec3::new(polar.sin() * angle.cos(), polar.sin() * angle.sin(), polar.cos());
+                let share = if ring % N[1] == 0 { pole } else { next() };
+                DVec3::new(0.5, 0.4, 0.45) + way * (0.3 - dent * share)
+            });
+            of_ring.collect()
+        })
+        .collect();
+    let mut facets = Vec::new();
+    for ring in 0..N[1] {
+        for k in 0..N[0] {
+            let [a, b] = [k, (k + 1) % N[0]].map(|k| corners[ring][k]);
+            let [d, c] = [k, (k + 1) % N[0]].map(|k| corners[ring + 1][k]);
+            if ring > 0 {
+                facets.push((vec![a, d, b], false));
+            }
+            if ring + 1 < N[1] {
+                facets.push((vec![b, d, c], false));
+            }
+        }
+    }
+    facets.split_off(lost)
+}
+
+#[test]
+fn the_triangles_of_an_outline_hide_what_the_facets_do() {
+    let mut state = 1_u64;
+    let mut next = || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64
+    };
+    let mut n_by_triangles = 0;
+    for case in 0..60 {
+        let dent = [0.0, 1e-3, 0.03, 0.15][case % 4];
+        let ball = dented_ball(&mut next, dent, [0, 17, 40][case % 3]);
+        let mut with = shadows(&ball);
+        let mut without = shadows(&ball);
+        assert_eq!(with.groups.len(), 1);
+        without.groups.clear();
+        without.casters.iter_mut().for_each(|caster| caster.group = None);
+        for _ in 0..20 {
+            let point = DVec3::new(next(), next(), 0.0);
+            let [found, expected] = [&mut with, &mut without].map(|shadows| {
+                shadows.n_cuts = 0;
+                shadows.visible_and_hidden(point)
+            });
+            for (found, expected) in found.iter().zip(expected) {
+                assert!((found - expected).abs() < 1e-13, "{case} {point}: {found} {expected}");
+            }
+            n_by_triangles += usize::from(2 * with.n_cuts < without.n_cuts);
+        }
+    }
+    assert!(n_by_triangles > 500, "{n_by_triangles}");
+}
