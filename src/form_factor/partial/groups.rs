@@ -19,6 +19,9 @@ const MIN_SIDES: usize = 8;
 /// The most times that polygons are left out of a group before all of it is.
 const TRIALS: usize = 6;
 
+/// The number of points in a row without an outline after which a group is given up.
+const MAX_VAIN: u32 = 16;
+
 /// A group of connected occluders, all of them between the planes of the receiver and of the target.
 #[derive(Debug)]
 pub(super) struct Group {
@@ -35,6 +38,8 @@ pub(super) struct Group {
     spans: Vec<bool>,
     /// The triangles, as three half-spaces each, in the order of their angles.
     triangles: Vec<(f64, [HalfSpace; 3])>,
+    /// The number of points in a row from which no outline was found.
+    n_vain: u32,
 }
 
 /// An occluder of a group that is sought.
@@ -105,6 +110,7 @@ impl Group {
                 faces: vec![false; own.len() + 1],
                 spans: Vec::new(),
                 triangles: Vec::new(),
+                n_vain: 0,
             });
         }
         (groups, places)
@@ -112,6 +118,15 @@ impl Group {
 
     /// Returns the triangles that cover what the group hides from a point; none where that takes the polygons themselves.
     pub(super) fn look_from(&mut self, point: DVec3) -> impl Iterator<Item = &[HalfSpace; 3]> {
+        self.triangles.clear();
+        if self.n_vain < MAX_VAIN {
+            self.fill(point);
+            self.n_vain = if self.triangles.is_empty() { self.n_vain + 1 } else { 0 };
+        }
+        self.triangles.iter().map(|(_, triangle)| triangle)
+    }
+
+    fn fill(&mut self, point: DVec3) {
         for (faces, plane) in self.faces.iter_mut().zip(&self.planes) {
             *faces = plane.snapped_height(point, EDGE_ON) > 0.0;
         }
@@ -142,7 +157,6 @@ impl Group {
             self.triangles.clear();
         }
         self.triangles.sort_by(|a, b| a.0.total_cmp(&b.0));
-        self.triangles.iter().map(|(_, triangle)| triangle)
     }
 
     /// Returns whether the triangles from the last point cover a polygon of the group.
