@@ -15,6 +15,7 @@ use crate::mesh::{Mesh, PatchId, mean_value_weights};
 use crate::scene::{FaceId, Scene, Written};
 use crate::visibility::plane::Lean;
 use crate::visibility::shaft::Shaft;
+pub(super) use behind::state;
 use behind::{Glance, Plane};
 pub(super) use rows::RoundedRows;
 

@@ -5,8 +5,7 @@ use glam::DVec3;
 
 use super::{Corners, Scene, Written};
 use crate::geometry::box_pairs::overlapping_pairs;
-use crate::geometry::polygon;
-use crate::geometry::polygon::is_along_axis;
+use crate::geometry::polygon::{self, is_along_axis};
 
 /// The length, in units of the last digit, below which outlines and edges are no evidence: a unit is a part of their shape.
 const MIN_UNITS: f64 = 100.0;

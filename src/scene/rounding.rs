@@ -4,8 +4,7 @@ use glam::DVec3;
 
 use super::far_parts::greatest;
 use super::{Corners, Face, MaterialId, Scene, SurfaceId, Written};
-use crate::geometry::polygon;
-use crate::geometry::polygon::is_along_axis;
+use crate::geometry::polygon::{self, is_along_axis};
 use crate::threads;
 
 /// The number of digits from which coordinates count as rounded: 0.25 is a quarter, 0.333333 a rounded third.

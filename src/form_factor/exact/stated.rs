@@ -6,7 +6,7 @@ use super::batches::{Batches, Strip};
 use crate::form_factor::PairCounts;
 use crate::form_factor::journal::Record;
 use crate::form_factor::pairs::Exchange;
-use crate::form_factor::rounded::Rounded;
+use crate::form_factor::rounded::{self, Rounded};
 use crate::mesh::PatchId;
 use crate::visibility::occluders::{OccluderId, OccluderIndex, PairVisibility};
 
@@ -166,15 +166,10 @@ impl Batches<'_> {
                 if !self.is_stated([i, j], most) {
                     return;
                 }
-                let column = PatchId::from_index(j).0;
-                match row[..n_found].binary_search_by_key(&column, |entry| entry.0) {
-                    Err(_) => {
-                        row.push((column, 0.0, most));
-                        self.count_hidden([i, j], most, counts);
-                    }
-                    // It is hidden but for a slit.
-                    Ok(k) if row[k].1 <= 0.0 => row[k].2 = row[k].2.max(most),
-                    Ok(_) => {}
+                // A pair that is hidden but for a slit was counted if that is above the tolerance.
+                let before = rounded::state(row, n_found, PatchId::from_index(j).0, most);
+                if before.is_some_and(|before| before <= self.goal([i, j])) {
+                    self.count_hidden([i, j], most, counts);
                 }
             });
             row.sort_unstable_by_key(|entry| entry.0);

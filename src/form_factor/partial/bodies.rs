@@ -68,11 +68,7 @@ impl Edge {
             let normal = way.cross(r) * sign;
             let to_target = self.from + self.to_target - end;
             let slack = 1e-15 * r.abs().element_sum() * way.abs().element_sum();
-            HalfSpace {
-                normal,
-                offset: normal.dot(to_target),
-                slack: [slack * to_target.abs().element_sum(), slack],
-            }
+            HalfSpace::through(to_target, normal, slack)
         };
         [
             spoke(self.from, -sign),
@@ -87,11 +83,7 @@ impl Edge {
         let r = self.from - point;
         let normal = r.cross(self.along) * if of_first { -1.0 } else { 1.0 };
         let slack = 1e-15 * r.abs().element_sum() * self.length;
-        HalfSpace {
-            normal,
-            offset: normal.dot(self.to_target),
-            slack: [slack * self.to_target.abs().element_sum(), slack],
-        }
+        HalfSpace::through(self.to_target, normal, slack)
     }
 }
 

@@ -5,8 +5,7 @@
 //! the triangles cover exactly what the polygons hide. Polygons with an edge that has c on its right, as in folds near the border, are left to themselves, and the others have an outline of their own.
 //! Side by side around c, they cut a target into few pieces, where the polygons would cut it into hundreds.
 
-use std::collections::HashMap;
-
+use foldhash::{HashMap, HashMapExt as _};
 use glam::DVec3;
 
 use super::bodies::Edge;
@@ -14,12 +13,12 @@ use super::flat::Flat;
 use super::shadow::{EDGE_ON, HalfSpace};
 
 /// The fewest polygons of a group: fewer cut a target into few pieces.
-const MIN_SIDES: usize = 8;
+const MIN_SIDES: usize = 16;
 
 /// The most times that polygons are left out of a group before all of it is.
 const TRIALS: usize = 6;
 
-/// The number of points in a row without an outline after which a group is given up.
+/// The number of points in a row without a useful outline after which a group is given up.
 const MAX_VAIN: u32 = 16;
 
 /// A group of connected occluders, all of them between the planes of the receiver and of the target.
@@ -38,7 +37,7 @@ pub(super) struct Group {
     spans: Vec<bool>,
     /// The triangles, as three half-spaces each, in the order of their angles.
     triangles: Vec<(f64, [HalfSpace; 3])>,
-    /// The number of points in a row from which no outline was found.
+    /// The number of points in a row whose outline was of no use.
     n_vain: u32,
 }
 
@@ -116,7 +115,7 @@ impl Group {
         (groups, places)
     }
 
-    /// Returns the triangles that cover what the group hides from a point; none where that takes the polygons themselves.
+    /// Returns the triangles that cover what the group hides from a point; none where the polygons themselves are fewer, or not to be replaced.
     pub(super) fn look_from(&mut self, point: DVec3) -> impl Iterator<Item = &[HalfSpace; 3]> {
         self.triangles.clear();
         if self.n_vain < MAX_VAIN {
@@ -126,6 +125,7 @@ impl Group {
         self.triangles.iter().map(|(_, triangle)| triangle)
     }
 
+    /// Fills the outline from a point with triangles.
     fn fill(&mut self, point: DVec3) {
         for (faces, plane) in self.faces.iter_mut().zip(&self.planes) {
             *faces = plane.snapped_height(point, EDGE_ON) > 0.0;
@@ -154,6 +154,10 @@ impl Group {
             if is_star {
                 break;
             }
+            self.triangles.clear();
+        }
+        let n_covered = (0..self.planes.len()).filter(|&place| self.covers(place)).count();
+        if self.triangles.len() > n_covered {
             self.triangles.clear();
         }
         self.triangles.sort_by(|a, b| a.0.total_cmp(&b.0));

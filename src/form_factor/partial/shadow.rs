@@ -74,6 +74,15 @@ pub(super) struct HalfSpace {
 }
 
 impl HalfSpace {
+    /// Makes the half-space of a plane through a point that is `to_target` from the target's middle; `slack` is the value up to which rounding reaches, for each metre.
+    pub(super) fn through(to_target: DVec3, normal: DVec3, slack: f64) -> Self {
+        Self {
+            normal,
+            offset: normal.dot(to_target),
+            slack: [slack * to_target.abs().element_sum(), slack],
+        }
+    }
+
     pub(super) fn value(&self, r: DVec3) -> f64 {
         self.normal.dot(r) + self.offset
     }

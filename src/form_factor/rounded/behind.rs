@@ -9,6 +9,7 @@ use super::{DEVIATIONS, End, Rounded, Vertex};
 use crate::form_factor::facing::Facing;
 use crate::geometry::polygon;
 use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
+use crate::matrix::Entry;
 
 /// The least height of a patch's middle over a plane, as a part of its radius, at which the patch is certainly in front.
 const IN_FRONT: f64 = 1e-8;
@@ -214,6 +215,22 @@ fn most_behind(own: &End, other: &End) -> f64 {
         return 0.0;
     }
     most(own, other, [&of_own, &of_other])
+}
+
+/// States an error beside those of the first `n` entries, which are sorted by column: of a new entry of 0, or of one that is 0 with less.
+///
+/// Returns the error that was stated before; `None` if nothing changes.
+pub(in crate::form_factor) fn state(entries: &mut Vec<Entry>, n: usize, column: u32, error: f64) -> Option<f64> {
+    match entries[..n].binary_search_by_key(&column, |entry| entry.0) {
+        Err(_) => {
+            entries.push((column, 0.0, error));
+            Some(0.0)
+        }
+        Ok(k) => {
+            let (_, value, known) = &mut entries[k];
+            (*value <= 0.0 && *known < error).then(|| std::mem::replace(known, error))
+        }
+    }
 }
 
 /// Returns the most that two ends that face each other across hardly any gap may exchange, m²; 0 where rounding alone may have parted their faces.

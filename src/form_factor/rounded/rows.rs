@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::Rounded;
+use super::behind::state;
 use crate::form_factor::Input;
 use crate::form_factor::facing::{self, Facing};
 use crate::geometry::polygon_form_factor::{PreparedPolygon, Tolerance, exchange_area};
@@ -58,15 +59,8 @@ impl<'a> RoundedRows<'a> {
         let n_found = entries.len();
         let least = LEAST * self.rounded.ends[i].area;
         self.rounded.behind(&self.facing, i, columns, |j, most| {
-            let column = PatchId::from_index(j).0;
-            if most <= least {
-                return;
-            }
-            match entries[..n_found].binary_search_by_key(&column, |entry| entry.0) {
-                Err(_) => entries.push((column, 0.0, most / scale)),
-                // No ray hit it, and the error is that of the rays.
-                Ok(k) if entries[k].1 <= 0.0 => entries[k].2 = entries[k].2.max(most / scale),
-                Ok(_) => {}
+            if most > least {
+                state(entries, n_found, PatchId::from_index(j).0, most / scale);
             }
         });
         entries.sort_unstable_by_key(|entry| entry.0);
