@@ -39,7 +39,7 @@ const MIN_POINTS_OF_PARTS: NonZeroUsize = NonZeroUsize::new(2).unwrap();
 /// The points lie on the patch for which d / (R √A) is greater, with d its middle's distance from the edges of the other, R its radius and A its area. The rule converges
 /// with d / R, as F changes fast beside edges that are near; where it does not converge, its error is at most A. (The area alone puts the points on a long narrow strip of which the
 /// other patch sees little; d / R alone puts them on a plate although a narrow strip close to it is all that they should meet.)
-/// Where the rule is further than 0.001 of the entry from the exact exchange area, the patch is cut, across its longest side and at the
+/// Where the rule is further than 0.001 of the entry from the exact exchange area, one point becomes 2 × 2, and where that is not enough the patch is cut, across its longest side and at the
 /// greatest errors first, with q × q points on each part, and at least 2 × 2, until it is nearer or there are 4096 points.
 ///
 /// Order: 2q between patches apart from each other; where they touch still high, as the exact inner integral leaves only a weak singularity
@@ -74,6 +74,8 @@ impl FormFactorMethod for GaussLambert {
         let rule = GaussProduct::new(self.points);
         let rule_of_parts = GaussProduct::new(self.points.max(MIN_POINTS_OF_PARTS));
         let points = facing::polygons(input.mesh, |corners| rule.on_polygon(corners));
+        let finer = (self.points < MIN_POINTS_OF_PARTS)
+            .then(|| facing::polygons(input.mesh, |corners| rule_of_parts.on_polygon(corners)));
         let outer_first = |[i, j]: [usize; 2]| {
             let suits = |k: usize, other: usize| {
                 let distance = polygon::distance_from_edges(patches[k].centroid, polygons[other].corners());
@@ -112,10 +114,19 @@ impl FormFactorMethod for GaussLambert {
                 let exact = exchange_area(&polygons[outer], &polygons[inner], Tolerance::default());
                 let integrand = |x: DVec3| factor([outer, inner], x);
                 let smaller = patches[outer].area.min(patches[inner].area);
-                let division = Division::new(&rule_of_parts, polygons[outer].corners(), &points[outer], &integrand);
-                let area = division
-                    .refined(exact.value, RULE_TOLERANCE * exact.value + 1e-12 * smaller)
-                    .min(smaller);
+                let tolerance = RULE_TOLERANCE * exact.value + 1e-12 * smaller;
+                let is_near = |area: f64| (area - exact.value).abs() <= tolerance;
+                let first = integral(patches[outer].area, &points[outer], integrand);
+                let whole = match &finer {
+                    Some(finer) if !is_near(first) => integral(patches[outer].area, &finer[outer], integrand),
+                    _ => first,
+                };
+                let area = if is_near(whole) {
+                    whole
+                } else {
+                    Division::new(polygons[outer].corners(), whole, &rule_of_parts, &integrand).refined(is_near)
+                };
+                let area = area.min(smaller);
                 let unoccluded = Exchange {
                     area,
                     // With a margin, as errors are stored in f32.
@@ -150,14 +161,10 @@ struct Part {
 }
 
 impl<'a, F: Fn(DVec3) -> f64> Division<'a, F> {
-    /// Makes a division of one part, with the points of the rule on it.
-    fn new(rule: &'a GaussProduct, corners: &[DVec3], points: &[WeightedPoint], factor: &'a F) -> Self {
-        let area = polygon::area_vector(corners).length();
-        let integral = integral(area, points, factor);
-        let whole = Part {
-            corners: corners.to_vec(),
-            integral,
-        };
+    /// Makes a division of one part, with its integral.
+    fn new(corners: &[DVec3], integral: f64, rule: &'a GaussProduct, factor: &'a F) -> Self {
+        let corners = corners.to_vec();
+        let whole = Part { corners, integral };
         Self {
             rule,
             factor,
@@ -167,15 +174,15 @@ impl<'a, F: Fn(DVec3) -> f64> Division<'a, F> {
         }
     }
 
-    /// Returns the integral over all parts after halving the most doubtful ones, until it is within `tolerance` of its exact value or [`MAX_POINTS`] are used up.
+    /// Returns the integral over all parts after halving the most doubtful ones, until it is near its exact value or [`MAX_POINTS`] are used up.
     ///
     /// The doubt about a half is half of the change by the halving, against the whole patch, and at least an eighth of the doubt before. Regions
     /// that all points of a part miss are so found in time.
-    fn refined(mut self, exact: f64, tolerance: f64) -> f64 {
+    fn refined(mut self, is_near: impl Fn(f64) -> bool) -> f64 {
         let area = polygon::area_vector(&self.parts[0].corners).length();
         let most_cuts = MAX_POINTS / (2 * self.rule.n_points());
         for _ in 0..most_cuts {
-            if (self.integral - exact).abs() <= tolerance {
+            if is_near(self.integral) {
                 break;
             }
             let Some((doubt, Reverse(number))) = self.open.pop() else {
