@@ -13,7 +13,7 @@ use super::flat::Flat;
 use super::shadow::{EDGE_ON, HalfSpace};
 
 /// The fewest polygons of a group: fewer cut a target into few pieces.
-const MIN_SIDES: usize = 16;
+pub(super) const MIN_SIDES: usize = 16;
 
 /// The most times that polygons are left out of a group before all of it is.
 const TRIALS: usize = 6;
@@ -54,9 +54,6 @@ impl Group {
     /// Returns the groups among some occluders, and where each of these is; `target` is a point near all of the target.
     pub(super) fn all(members: &[Option<Member<'_>>], target: DVec3) -> (Vec<Self>, Vec<Option<Place>>) {
         let mut places = vec![None; members.len()];
-        if members.iter().flatten().count() < MIN_SIDES {
-            return (Vec::new(), places);
-        }
         let key = |v: DVec3| v.to_array().map(f64::to_bits);
         // An edge that several polygons have in one direction belongs to none of them: each then has a border there.
         let mut by_edge: HashMap<_, Option<usize>> = HashMap::new();

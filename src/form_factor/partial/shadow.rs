@@ -212,19 +212,24 @@ impl Shadows {
             let facing = polygon::area_vector(corners).dot(r).abs();
             Reverse((facing / r.length().powi(3)).to_bits())
         });
-        let screen = Flat::of(target);
-        let side = screen.snapped_height(eye, EDGE_ON);
-        let is_between = |v: &DVec3| height(*v) > 0.0 && side * screen.snapped_height(*v, EDGE_ON) > 0.0;
-        let members = casters.iter().map(|(corners, caster)| {
-            corners.iter().all(is_between).then_some(Member {
-                corners,
-                plane: &caster.plane,
-            })
-        });
-        let (groups, places) = Group::all(&members.collect::<Vec<_>>(), middle);
-        for ((_, caster), place) in casters.iter_mut().zip(places) {
-            caster.group = place;
-        }
+        let groups = if casters.len() < groups::MIN_SIDES {
+            Vec::new()
+        } else {
+            let screen = Flat::of(target);
+            let side = screen.snapped_height(eye, EDGE_ON);
+            let is_between = |v: &DVec3| height(*v) > 0.0 && side * screen.snapped_height(*v, EDGE_ON) > 0.0;
+            let members = casters.iter().map(|(corners, caster)| {
+                corners.iter().all(is_between).then_some(Member {
+                    corners,
+                    plane: &caster.plane,
+                })
+            });
+            let (groups, places) = Group::all(&members.collect::<Vec<_>>(), middle);
+            for ((_, caster), place) in casters.iter_mut().zip(places) {
+                caster.group = place;
+            }
+            groups
+        };
         let silhouettes = bodies
             .into_iter()
             .filter_map(|body| Silhouette::new(body, receiver, target, middle));
