@@ -230,6 +230,32 @@ impl UniformOnPolygon {
     }
 }
 
+/// Pseudo-random numbers for tests: a linear congruential generator with Knuth's constants.
+#[cfg(test)]
+pub(crate) struct Random(pub(crate) u64);
+
+#[cfg(test)]
+impl Random {
+    /// Returns 53 random bits.
+    pub(crate) fn bits(&mut self) -> u64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        self.0 >> 11
+    }
+
+    /// Returns a number from 0 to 1.
+    pub(crate) fn unit(&mut self) -> f64 {
+        self.bits() as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Returns a point of the unit cube.
+    pub(crate) fn point(&mut self) -> DVec3 {
+        DVec3::new(self.unit(), self.unit(), self.unit())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

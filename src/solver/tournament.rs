@@ -92,16 +92,13 @@ fn index(place: usize) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::sampling::Random;
 
     #[test]
     fn the_winner_is_the_first_greatest_after_any_changes() {
-        let mut state = 1_u64;
-        let mut random = |n: u64| {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            (state >> 33) % n
-        };
+        let mut bits = Random(1);
+        // The low bits of such a generator repeat.
+        let mut random = |n: u64| (bits.bits() >> 22) % n;
         for n in [1_usize, 2, 7, 8, 9, 63, 64, 65, 513, 1000] {
             let mut tournament = Tournament::new(n);
             let mut values = vec![0.0; n];

@@ -3,6 +3,7 @@
 use glam::DQuat;
 
 use super::*;
+use crate::geometry::sampling::Random;
 
 fn rectangle(c: DVec3, a: DVec3, b: DVec3) -> Vec<DVec3> {
     vec![c, c + a, c + a + b, c + b]
@@ -146,14 +147,8 @@ fn a_thin_thing_over_something_very_large_is_no_part_of_it() {
 
 #[test]
 fn a_sliver_hides_nothing_from_itself() {
-    let mut state = 1_u64;
-    let mut unit = || {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1_u64 << 53) as f64
-    };
-    let mut point = || DVec3::new(unit(), unit(), unit());
+    let mut random = Random(1);
+    let mut point = || random.point();
     for k in 0..2000 {
         let thin = 10.0_f64.powf(-6.5 * f64::from(k) / 2000.0);
         let (at, along) = (4.0 * point(), (point() - 0.5).normalize());

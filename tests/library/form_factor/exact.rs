@@ -19,7 +19,7 @@ use serde_json::Value;
 use std::num::NonZeroUsize;
 
 use crate::support::rooms::{Prepared, Shapes, moved, with_decimals};
-use crate::support::{Uniform, n_cases};
+use crate::support::{Uniform, n_above, n_cases};
 
 fn exact(tolerance: f64) -> ExactMethod {
     ExactMethod {
@@ -688,6 +688,11 @@ fn rounded_coordinates_neither_hide_what_touches_nor_let_the_sides_of_a_sheet_se
                 "{round} {i}: {sum}, {error:e}"
             );
         }
+        // Sides of a sheet that rounding may have parted count, slits between them known or not.
+        let pairs = found.pairs.unwrap();
+        let n_counted = pairs.n_above_by_rounding + pairs.n_above_tolerance;
+        assert_eq!(n_above(&found.factors, 1e-6), n_counted, "{round}");
+        assert_eq!(found.tolerance_met, n_counted == 0, "{round}");
         // What is meant to touch is hardly ever in the way.
         let [of_meant, of_rounded] = [&expected, &found].map(|computed| computed.pairs.unwrap());
         assert!(

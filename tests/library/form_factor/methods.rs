@@ -9,7 +9,9 @@ use radiosity::form_factor::{
     CentrePoint, FormFactorError, FormFactorMethod, MethodSettings, POINTS, ParametricDifferential, QuasiMonteCarlo,
     RESOLUTION, method,
 };
+use radiosity::geometry::point_form_factor::point_form_factor;
 use radiosity::matrix::FormFactors;
+use radiosity::mesh::PatchId;
 use radiosity::scene::builtin;
 
 use crate::support::n_cases;
@@ -548,4 +550,32 @@ fn pairs_that_nothing_stands_between_are_whole_without_a_ray_and_without_a_doubt
             );
         }
     }
+}
+
+/// Cutting costs more: halves have 2 × 2 points each.
+#[test]
+fn one_point_of_gauss_lambert_becomes_four_before_its_patch_is_cut() {
+    let cube = prepared("cube", 4);
+    let [one, two] = [1, 2].map(|q| {
+        let settings = MethodSettings::default().with(&POINTS, q);
+        cube.compute(&*method("gauss-lambert", &settings).unwrap())
+    });
+    let patches = &cube.mesh.patches;
+    let from_middle = |[i, j]: [usize; 2]| {
+        let polygon = cube.mesh.polygon(PatchId::from_index(j));
+        point_form_factor(patches[i].centroid, patches[i].normal, &polygon)
+    };
+    let (mut n_one, mut n_four) = (0, 0);
+    for i in 0..patches.len() {
+        for j in i + 1..patches.len() {
+            let near = |a: f64, b: f64| (a - b).abs() <= 1e-12;
+            let found = one.get(i, j);
+            let is_one = [[i, j], [j, i]].iter().any(|&pair| near(found, from_middle(pair)));
+            let is_four = near(found, two.get(i, j));
+            assert!(is_one || is_four, "{i} {j}: {found}");
+            n_one += usize::from(is_one && !is_four);
+            n_four += usize::from(is_four && !is_one);
+        }
+    }
+    assert!(n_one > 300 && n_four > 3000, "{n_one} {n_four}");
 }

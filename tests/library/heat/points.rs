@@ -12,6 +12,7 @@ use radiosity::visibility::occluders::Occluder;
 use radiosity::workflow::{Context, FormFactorRequest, Model, SolveRequest, Use};
 
 use super::{boundary, inside, rectangle, scene, within};
+use crate::support::Uniform;
 
 fn look(scene: &Scene, cut: u32, text: &str, queries: &[PointQuery]) -> Vec<PointView> {
     let mut cx = Context::default();
@@ -312,14 +313,8 @@ fn a_person_feels_the_sun() {
 
 /// Returns random vectors with coordinates up to half of a scale.
 fn random_vectors() -> impl FnMut(f64) -> DVec3 {
-    let mut random = 1_u64;
-    let mut next = move || {
-        random = random
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (random >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-    };
-    move |scale| DVec3::new(next(), next(), next()) * scale
+    let mut uniform = Uniform(1);
+    move |scale| DVec3::from_array([0; 3].map(|_| uniform.between(-0.5, 0.5))) * scale
 }
 
 /// Holds views against `VisibleFactor` with all other plates but twins; returns how many factors are not 0.

@@ -1,5 +1,6 @@
 use super::*;
 use crate::geometry::point_form_factor::point_form_factor;
+use crate::geometry::sampling::Random;
 
 fn rectangle(corner: DVec3, a: DVec3, b: DVec3) -> Vec<DVec3> {
     vec![corner, corner + a, corner + a + b, corner + b]
@@ -146,13 +147,8 @@ fn dented_ball(next: &mut impl FnMut() -> f64, dent: f64, lost: usize) -> Vec<(V
 
 #[test]
 fn the_triangles_of_an_outline_hide_what_the_facets_do() {
-    let mut state = 1_u64;
-    let mut next = || {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1_u64 << 53) as f64
-    };
+    let mut random = Random(1);
+    let mut next = || random.unit();
     let mut n_by_triangles = 0;
     for case in 0..60 {
         let dent = [0.0, 1e-3, 0.03, 0.15][case % 4];
