@@ -147,7 +147,11 @@ impl Page<'_> {
                 }
                 _ => (None, None),
             };
-            before.into_iter().chain([event]).chain(after)
+            let shown = match event {
+                Event::Text(text) if is_cell && text.contains("e-") => markup(with_powers(&text)),
+                other => other,
+            };
+            before.into_iter().chain([shown]).chain(after)
         });
         let mut body = String::new();
         html::push_html(&mut body, with_marks);
@@ -180,6 +184,18 @@ impl Page<'_> {
         }
         page.push_str("</table></div>\n");
     }
+}
+
+/// Returns the text of a cell as HTML in which a number stays on one line.
+fn with_powers(text: &str) -> String {
+    let is_digit = |c: char| c.is_ascii_digit();
+    let words = text.split(' ').map(|word| match word.split_once("e-") {
+        Some((digits, power)) if digits.ends_with(is_digit) && power.starts_with(is_digit) => {
+            format!("<span class=\"power\">{}</span>", escaped(word))
+        }
+        _ => escaped(word),
+    });
+    words.collect::<Vec<_>>().join(" ")
 }
 
 /// Returns the start of the part that scrolls with a table, named after the heading above.
@@ -363,6 +379,13 @@ mod tests {
             assert!(html.contains(part), "{part}: {html}");
         }
         assert_eq!(html.matches("<div").count(), html.matches("</div>").count());
+    }
+
+    #[test]
+    fn numbers_in_cells_stay_on_one_line() {
+        let html = page("# 1e-9\n\n| e-6 |\n|---|\n| right 8 (2e-7), <the-1> |\n", Vec::new());
+        let cell = "<td>right 8 <span class=\"power\">(2e-7),</span> &lt;the-1&gt;</td>";
+        assert!(html.contains(cell) && html.contains("1e-9</h1>"), "{html}");
     }
 
     #[test]
