@@ -98,7 +98,14 @@ except KeyboardInterrupt:
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_ctrl_c_ends_a_long_call() -> None:
     folder = __file__.rpartition("/")[0]
-    child = subprocess.Popen([sys.executable, "-c", SLOW, folder], stdout=subprocess.PIPE, text=True, cwd=folder)
+    # A shell starts background jobs with SIGINT ignored, and Python then leaves it so.
+    child = subprocess.Popen(
+        [sys.executable, "-c", SLOW, folder],
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=folder,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     assert child.stdout is not None
     assert child.stdout.readline() == "ready\n"
     time.sleep(0.5)

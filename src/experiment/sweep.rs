@@ -91,7 +91,9 @@ impl Parameter {
             Self::Tolerance => format!("tolerance {number}"),
             Self::Resolution => format!("resolution {number}"),
             Self::RaysPerPatch | Self::RaysPerPair | Self::Points | Self::PointsOnBoth => {
-                format!("{number} {}", self.name())
+                let name = self.name();
+                let of_one = name.replacen("s ", " ", 1);
+                format!("{number} {}", if value == 1 { &of_one } else { name })
             }
         }
     }
@@ -200,6 +202,12 @@ const fn sweep(name: &'static str, parameter: Parameter, values: &'static [u64],
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn settings_are_counted_in_words() {
+        let words = [Parameter::Points.setting(1), Parameter::RaysPerPair.setting(4)];
+        assert_eq!(words, ["1 point per side", "4 rays per pair"]);
+    }
 
     #[test]
     fn every_entry_makes_its_method_and_every_method_has_an_entry() {
