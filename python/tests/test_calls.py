@@ -106,14 +106,17 @@ def test_ctrl_c_ends_a_long_call() -> None:
         cwd=folder,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
-    assert child.stdout is not None
-    assert child.stdout.readline() == "ready\n"
-    time.sleep(0.5)
-    begun = time.monotonic()
-    child.send_signal(signal.SIGINT)
-    assert child.wait(timeout=30) == 7
-    assert child.stdout.read() == "interrupted\n"
-    assert time.monotonic() - begun < 10.0
+    try:
+        assert child.stdout is not None
+        assert child.stdout.readline() == "ready\n"
+        time.sleep(0.5)
+        begun = time.monotonic()
+        child.send_signal(signal.SIGINT)
+        assert child.wait(timeout=30) == 7
+        assert child.stdout.read() == "interrupted\n"
+        assert time.monotonic() - begun < 10.0
+    finally:
+        child.kill()
 
 
 def test_a_bar_is_shown_where_it_is_wanted(

@@ -254,6 +254,11 @@ impl Random {
     pub(crate) fn point(&mut self) -> DVec3 {
         DVec3::new(self.unit(), self.unit(), self.unit())
     }
+
+    /// Returns true in a part of all cases.
+    pub(crate) fn is(&mut self, part: f64) -> bool {
+        self.unit() < part
+    }
 }
 
 #[cfg(test)]

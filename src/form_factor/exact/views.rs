@@ -190,10 +190,6 @@ mod tests {
     use crate::scene::{Corners, Face, Material, MaterialId, Scene, Surface, SurfaceId};
     use crate::visibility::embree::EmbreeVisibility;
 
-    fn chance(random: &mut Random, chance: f64) -> bool {
-        random.unit() < chance
-    }
-
     fn cuboid(low: DVec3, size: DVec3, turn: DQuat) -> Vec<Vec<DVec3>> {
         let middle = low + 0.5 * size;
         let at = |k: usize| {
@@ -231,40 +227,40 @@ mod tests {
             DQuat::from_euler(glam::EulerRot::XYZ, random.unit(), random.unit(), random.unit())
         };
         let mut faces: Vec<Vec<DVec3>> = Vec::new();
-        if chance(random, 0.6) {
+        if random.is(0.6) {
             let mut room = cuboid(DVec3::ZERO, DVec3::new(4.0, 3.0, 2.0), DQuat::IDENTITY);
             for side in &mut room {
                 side.reverse();
             }
-            let n = 1 + u32::from(chance(random, 0.5)) * 3;
+            let n = 1 + u32::from(random.is(0.5)) * 3;
             faces.extend(room.iter().flat_map(|side| cut(side, n)));
         }
         let mut low = DVec3::new(0.5, 0.5, 0.0);
         for _ in 0..3 {
             let size = 0.3 + random.point();
-            let own = if chance(random, 0.3) {
+            let own = if random.is(0.3) {
                 DQuat::from_rotation_z(random.unit())
             } else {
                 DQuat::IDENTITY
             };
             let mut solid = cuboid(low, size, own);
-            if chance(random, 0.2) {
+            if random.is(0.2) {
                 solid[2].reverse();
             }
-            if chance(random, 0.2) {
+            if random.is(0.2) {
                 solid.remove(1);
             }
-            let n = 1 + u32::from(chance(random, 0.4)) * 2;
+            let n = 1 + u32::from(random.is(0.4)) * 2;
             faces.extend(solid.iter().flat_map(|side| cut(side, n)));
             // The next one touches, pierces or stands off.
-            low += DVec3::X * size.x * if chance(random, 0.4) { 1.0 } else { 0.5 + random.unit() };
+            low += DVec3::X * size.x * if random.is(0.4) { 1.0 } else { 0.5 + random.unit() };
         }
         for _ in 0..6 {
             let (at, along) = (4.0 * random.point(), random.point() - 0.5);
             let thin = 10.0_f64.powf(-6.0 * random.unit());
             let triangle = vec![at, at + along, at + 0.5 * along + thin * (random.point() - 0.5)];
             faces.push(triangle.clone());
-            if chance(random, 0.5) {
+            if random.is(0.5) {
                 faces.push(triangle.into_iter().rev().collect());
             }
         }
@@ -273,7 +269,7 @@ mod tests {
 
     /// Puts faces together, turned; bent, cracked or parted by chance.
     fn scene_of(faces: &[Vec<DVec3>], turn: DQuat, random: &mut Random) -> Scene {
-        let (bent, cracked) = (chance(random, 0.3), chance(random, 0.3));
+        let (bent, cracked) = (random.is(0.3), random.is(0.3));
         let mut scene = Scene {
             surfaces: vec![Surface { name: "all".into() }],
             materials: vec![Material {
@@ -283,11 +279,11 @@ mod tests {
             }],
             ..Scene::default()
         };
-        let own_vertices = chance(random, 0.4);
+        let own_vertices = random.is(0.4);
         for face in faces {
             let mut off = || {
                 let bend = if bent { 1e-7 } else { 0.0 };
-                let crack = if cracked && chance(random, 0.05) { 1e-3 } else { 0.0 };
+                let crack = if cracked && random.is(0.05) { 1e-3 } else { 0.0 };
                 (bend + crack) * (random.point() - 0.5)
             };
             let ids: Vec<u32> = face

@@ -15,7 +15,7 @@ use radiosity::mesh::PatchId;
 use radiosity::scene::builtin;
 
 use crate::support::n_cases;
-use crate::support::rooms::{Prepared, Shapes, names, quick};
+use crate::support::rooms::{Prepared, Shapes, moved, names, quick};
 
 const PARALLEL: f64 = 0.199_824_895_698_387_38;
 const PERPENDICULAR: f64 = 0.200_043_776_075_403_15;
@@ -555,7 +555,9 @@ fn pairs_that_nothing_stands_between_are_whole_without_a_ray_and_without_a_doubt
 /// Cutting costs more: halves have 2 × 2 points each.
 #[test]
 fn one_point_of_gauss_lambert_becomes_four_before_its_patch_is_cut() {
-    let cube = prepared("cube", 4);
+    let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 0.7, 0.2);
+    let scene = builtin::build("cube", None).unwrap().scene;
+    let cube = Prepared::new(moved(&scene, turn, 1.0, DVec3::ZERO), 4);
     let [one, two] = [1, 2].map(|q| {
         let settings = MethodSettings::default().with(&POINTS, q);
         cube.compute(&*method("gauss-lambert", &settings).unwrap())
