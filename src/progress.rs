@@ -100,9 +100,15 @@ impl<'a> Portions<'a> {
 
     /// Reports one more finished part.
     pub(crate) fn part_done(&self) {
-        let n_before = self.n_done.fetch_add(1, Ordering::Relaxed);
-        let until = |n: u64| u128::from(self.steps) * u128::from(n) / u128::from(self.n_parts);
-        let steps = until(n_before + 1) - until(n_before);
+        self.parts_done(1);
+    }
+
+    /// Reports more finished parts: those of a piece of work that counts as several.
+    pub(crate) fn parts_done(&self, n: usize) {
+        let n_now = n as u64;
+        let n_before = self.n_done.fetch_add(n_now, Ordering::Relaxed);
+        let until = |done: u64| u128::from(self.steps) * u128::from(done) / u128::from(self.n_parts);
+        let steps = until(n_before + n_now) - until(n_before);
         self.progress.advance(u64::try_from(steps).unwrap_or(self.steps));
     }
 }

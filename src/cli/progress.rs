@@ -105,29 +105,38 @@ fn ticking(bar: ProgressBar) -> ProgressBar {
 
 /// Writes a line about the current stage every [`LINE`], until the other end of the channel is dropped.
 fn write_lines(stage: &Mutex<Stage>, ended: &Receiver<()>) {
+    let mut last: Option<(Instant, Instant, f64)> = None;
     while ended.recv_timeout(LINE) == Err(RecvTimeoutError::Timeout) {
         let stage = locked(stage);
-        let elapsed = stage.begun.elapsed();
         let (done, total) = (stage.bar.position(), stage.bar.length().unwrap_or(0));
-        let text = if total == 0 || done == 0 {
-            format!("{}: {} so far", stage.name, HumanDuration(elapsed))
-        } else {
-            let share = done as f64 / total as f64;
-            let left = Duration::try_from_secs_f64(elapsed.as_secs_f64() * (1.0 - share).max(0.0) / share);
-            let left = left.map_or_else(
-                |_| String::new(),
-                |left| format!(", about {} left", HumanDuration(left)),
-            );
-            format!(
-                "{}: {:.1} % in {}{left}",
-                stage.name,
-                100.0 * share,
-                HumanDuration(elapsed)
-            )
+        let share = if total == 0 { 0.0 } else { done as f64 / total as f64 };
+        let (at, before) = match last {
+            Some((begun, at, before)) if begun == stage.begun => (at, before),
+            _ => (stage.begun, 0.0),
         };
+        let text = line(
+            &stage.name,
+            stage.begun.elapsed(),
+            share,
+            (at.elapsed(), share - before),
+        );
+        last = Some((stage.begun, Instant::now(), share));
         drop(stage);
         super::complain(&text);
     }
+}
+
+/// Returns a line about a stage; the time left follows from the share done in the last time, as early work may be easier than late.
+fn line(name: &str, elapsed: Duration, share: f64, recent: (Duration, f64)) -> String {
+    if share <= 0.0 {
+        return format!("{name}: {} so far", HumanDuration(elapsed));
+    }
+    let left = Duration::try_from_secs_f64(recent.0.as_secs_f64() * (1.0 - share).max(0.0) / recent.1);
+    let left = left.map_or_else(
+        |_| String::new(),
+        |left| format!(", about {} left", HumanDuration(left)),
+    );
+    format!("{name}: {:.1} % in {}{left}", 100.0 * share, HumanDuration(elapsed))
 }
 
 impl Progress for Bars {
@@ -173,5 +182,27 @@ impl Progress for Bars {
 impl Drop for Bars {
     fn drop(&mut self) {
         self.finish();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_follows_from_the_last_line() {
+        let seconds = Duration::from_secs;
+        let text = |elapsed, share, recent| line("form factors", seconds(elapsed), share, recent);
+        assert_eq!(text(30, 0.0, (seconds(30), 0.0)), "form factors: 30 seconds so far");
+        assert_eq!(
+            text(30, 0.2, (seconds(30), 0.2)),
+            "form factors: 20.0 % in 30 seconds, about 2 minutes left"
+        );
+        // Slower than before, and stuck.
+        assert_eq!(
+            text(60, 0.21, (seconds(30), 0.01)),
+            "form factors: 21.0 % in 60 seconds, about 40 minutes left"
+        );
+        assert_eq!(text(90, 0.21, (seconds(30), 0.0)), "form factors: 21.0 % in 2 minutes");
     }
 }

@@ -67,7 +67,21 @@ const ROUNDING: f64 = 1e-13;
 /// The part of the exchange without occluders up to which the effect of rounding on patches that it has parted is known to the first order.
 const MOVED: f64 = 0.1;
 
+/// Integration goes on for this many times the steps that classification counts for.
+///
+/// In boxes it takes about as long, in clutter a hundred times as long: a display that expects too much is put right soon.
+const INTEGRATION: u64 = 7;
+
 impl Batches<'_> {
+    /// Returns the steps that the classification of pairs counts for, which is all where nothing occludes.
+    fn looked(&self, n_pairs: u64) -> u64 {
+        if self.index.is_some() {
+            n_pairs / (1 + INTEGRATION)
+        } else {
+            n_pairs
+        }
+    }
+
     /// Returns whether a run of rows begins at `row`, or all rows end there.
     fn is_between_runs(&self, row: usize) -> bool {
         let Some(&f) = self.patches.face_of_patch.get(row) else {
@@ -120,7 +134,7 @@ impl Batches<'_> {
         strips
     }
 
-    /// Classifies some runs of rows of a batch that begins at `first_row`; that is half of the steps of their pairs.
+    /// Classifies some runs of rows of a batch that begins at `first_row`.
     fn classified(&mut self, first_row: usize, runs: &[(usize, usize)]) -> Vec<Strip> {
         let (Some(&(first, _)), Some(&(last, run))) = (runs.first(), runs.last()) else {
             return Vec::new();
@@ -128,8 +142,7 @@ impl Batches<'_> {
         let (n, begin) = (self.patches.len(), self.next_row);
         self.next_row = self.patches.faces[last].runs[run].patches.end;
         let (rows, faces) = (first_row..self.next_row, first..last + 1);
-        // The shares of the stages differ from scene to scene; half of the steps for the later ones keeps the display moving.
-        let until = |row: usize| (first_row..row).map(|i| (n - 1 - i) as u64).sum::<u64>() / 2;
+        let until = |row: usize| self.looked((first_row..row).map(|i| (n - 1 - i) as u64).sum());
         let n_steps = until(self.next_row) - until(begin);
         let seen = Portions::new(self.progress, n_steps / 2, faces.len());
         let views: Vec<Views> = threads::collect(faces.len(), |k| {
@@ -173,7 +186,7 @@ impl Iterator for Batches<'_> {
         self.journal.begin(first_row as u64);
         let mut strips = self.classified_batch();
         let n_pairs: u64 = (first_row..self.next_row).map(|i| (n - 1 - i) as u64).sum();
-        self.integrate(&mut strips, n_pairs - n_pairs / 2);
+        self.integrate(&mut strips, n_pairs - self.looked(n_pairs));
         if let Some(rounded) = self.rounded.as_ref().filter(|_| !self.progress.is_cancelled()) {
             threads::for_each_chunk(true, &mut strips, 1, |_, strip| {
                 self.state_behind(rounded, &mut strip[0]);
@@ -246,28 +259,23 @@ impl Batches<'_> {
             .iter()
             .flat_map(|strip| strip.partial.iter().map(move |pair| (strip, pair)))
             .collect();
-        let integrated = Portions::new(self.progress, n_steps, work.len());
+        // With the number of its occluders, the time of a pair grows by the power 2 to 3.
+        let cost = |strip: &Strip, pair: &PartialPair| {
+            let n = index.count(&strip.occluders[pair.occluders.clone()]);
+            (1 + n).pow(2) * (1 + n).isqrt()
+        };
+        let costs = work.iter().map(|(strip, pair)| cost(strip, pair));
+        let integrated = Portions::new(self.progress, n_steps, costs.sum());
         // Finer pieces than those of `threads`, for the same reason.
         let results: Vec<Option<Stated>> = work
             .par_iter()
             .with_max_len(16)
             .enumerate()
             .map(|(place, (strip, pair))| {
-                if self.progress.is_cancelled() {
-                    return None;
-                }
-                if let Some(stated) = self.journal.get(place).and_then(Stated::from_record) {
-                    return Some(stated);
-                }
-                let begun = Instant::now();
-                let stated = self.partial(index, pair, &strip.occluders[pair.occluders.clone()], self.method);
-                // An integral that was stopped is not stored.
-                if !self.progress.is_cancelled() {
-                    self.journal.keep(place, stated.to_record(), begun.elapsed());
-                }
-                Some(stated)
+                let stated = self.known_or_integrated(index, place, strip, pair);
+                integrated.parts_done(cost(strip, pair));
+                stated
             })
-            .inspect(|_| integrated.part_done())
             .collect();
         let mut results = results.into_iter();
         for (strip, n) in strips.iter_mut().zip(n_partial) {
@@ -282,6 +290,29 @@ impl Batches<'_> {
                 strip.counts.n_rays += stated.n_rays;
             }
         }
+    }
+
+    /// Returns a partial pair from the journal, or integrates it; `None` if that is to stop.
+    fn known_or_integrated(
+        &self,
+        index: &OccluderIndex,
+        place: usize,
+        strip: &Strip,
+        pair: &PartialPair,
+    ) -> Option<Stated> {
+        if self.progress.is_cancelled() {
+            return None;
+        }
+        if let Some(stated) = self.journal.get(place).and_then(Stated::from_record) {
+            return Some(stated);
+        }
+        let begun = Instant::now();
+        let stated = self.partial(index, pair, &strip.occluders[pair.occluders.clone()], self.method);
+        // An integral that was stopped is not stored.
+        if !self.progress.is_cancelled() {
+            self.journal.keep(place, stated.to_record(), begun.elapsed());
+        }
+        Some(stated)
     }
 
     /// Integrates a partial pair by a method, which may differ from the one asked for.
