@@ -1,5 +1,6 @@
 //! The exchange area of two polygons past many occluders, from rays between them.
 
+use std::cell::LazyCell;
 use std::f64::consts::PI;
 
 use glam::DVec3;
@@ -40,8 +41,17 @@ const MIN_LOOSE: usize = 3;
 /// The same for all occluders.
 const MIN_ALL: usize = 5;
 
-/// The share of the allowed error for rays: the true errors of clipping are mostly far smaller than stated, those of rays are not, and rows have many of them.
+/// The share of the allowed error for rays of most pairs: the true errors of clipping are mostly far smaller than stated, those of rays are not, and rows have many of them.
 const SHARE: f64 = 0.3;
+
+/// The same for pairs that exchange far more than the allowed error: rows have few of them, and each takes many rays.
+const MOST: f64 = 0.9;
+
+/// The exchange area without occluders, in units of the allowed error, from which on the share grows.
+const LARGE: f64 = 10.0;
+
+/// The power by which it grows: with n rays for an error of n^(−5/8), the squared error of a row is least for its rays if errors grow by 4/9.
+const GROWTH: f64 = 4.0 / 9.0;
 
 /// The rays beyond the first that take about as long as clipping, for the number of occluders to the power 1.5.
 ///
@@ -65,7 +75,14 @@ const CUTS_OF_RAY: f64 = 50.0;
 /// How many times the expected time of rays clipping may take before it is given up.
 const PATIENCE: f64 = 2.0;
 
-/// Returns the number of rays that a pair is expected to need, by the ratio of [`worth`].
+/// Returns the error that rays are to reach, m².
+fn enough(goal: f64, whole: Whole) -> f64 {
+    goal * (SHARE * (whole.area / (LARGE * goal)).powf(GROWTH)).clamp(SHARE, MOST)
+}
+
+/// Returns the number of rays that a pair is expected to need, by its exchange area without occluders in units of the error allowed.
+///
+/// The error of n scrambled rays falls as n^(−5/8), as each is stopped or passes: between n^(−1/2) of independent rays and n^(−3/4) of the best for regions of four dimensions.
 fn expected(ratio: f64) -> f64 {
     (SCRAMBLES * FIRST) as f64 + (0.5 * SPREADS * ratio).powf(1.6)
 }
@@ -79,7 +96,7 @@ pub(in crate::form_factor) fn clipping_worth(
     goal: f64,
     whole: Whole,
 ) -> Option<usize> {
-    let n_cuts = PATIENCE * CUTS_OF_RAY * expected(whole.area / (SHARE * goal));
+    let n_cuts = PATIENCE * CUTS_OF_RAY * expected(whole.area / enough(goal, whole));
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
     may_be_traced(occluders, count).then_some(n_cuts as usize)
 }
@@ -90,21 +107,13 @@ fn may_be_traced(occluders: &[Occluder<'_>], count: usize) -> bool {
     n_loose >= MIN_LOOSE || count >= MIN_ALL
 }
 
-/// Returns the most rays that a pair is worth, or `None` if clipping takes less time than rays.
-///
-/// The loose ones of `n_occluders` have `n_corners`; `ratio` is the exchange area without occluders in units of the error allowed.
-/// The error of n scrambled rays falls as n^(−5/8), as each is stopped or passes: between n^(−1/2) of independent rays and n^(−3/4) of the best for regions of four dimensions.
-fn worth(n_occluders: usize, n_corners: impl FnOnce() -> usize, ratio: f64) -> Option<f64> {
-    let first = (SCRAMBLES * FIRST) as f64;
-    let expected = expected(ratio);
-    let of_occluders = first + PER_OCCLUDER * (n_occluders as f64).powf(1.5);
-    let most = if expected <= of_occluders {
-        of_occluders
-    } else {
+/// Returns whether rays take less time than clipping past `n_occluders`, of which the loose ones have `n_corners`.
+fn are_worth(n_rays: f64, n_occluders: usize, n_corners: impl FnOnce() -> usize) -> bool {
+    let of_occluders = (SCRAMBLES * FIRST) as f64 + PER_OCCLUDER * (n_occluders as f64).powf(1.5);
+    n_rays <= of_occluders || {
         let beyond = n_corners().saturating_sub(n_occluders) as f64;
-        of_occluders + PER_CROSSING * beyond * beyond
-    };
-    (expected <= most).then_some(IN_VAIN * most)
+        n_rays <= of_occluders + PER_CROSSING * beyond * beyond
+    }
 }
 
 /// Returns the exchange area of two polygons with occluders between them to within `goal`, m², by rays.
@@ -127,9 +136,12 @@ pub(in crate::form_factor) fn by_rays(
     if !may_be_traced(occluders, count) {
         return None;
     }
-    let loose = || occluders.iter().filter(|occluder| !occluder.one_sided);
-    let most = worth(count, || n_corners(loose()), whole.area / (SHARE * goal))?;
-    trace(sides, occluders, goal, budget, most, whole, go_on)
+    let corners = LazyCell::new(|| n_corners(occluders.iter().filter(|occluder| !occluder.one_sided)));
+    let are_worth = |n_rays: f64| are_worth(n_rays, count, || *corners);
+    if !are_worth(expected(whole.area / enough(goal, whole))) {
+        return None;
+    }
+    trace(sides, occluders, goal, budget, &are_worth, whole, go_on)
 }
 
 /// Returns the same where clipping turned out to take more time.
@@ -141,21 +153,22 @@ pub(in crate::form_factor) fn after_all_by_rays(
     whole: Whole,
     go_on: &dyn Fn() -> bool,
 ) -> Option<Partial> {
-    let most = IN_VAIN * expected(whole.area / (SHARE * goal));
-    trace(sides, occluders, goal, budget, most, whole, go_on)
+    // How much more clipping would take is unknown by now.
+    let most = IN_VAIN * expected(whole.area / enough(goal, whole));
+    trace(sides, occluders, goal, budget, &|n_rays| n_rays <= most, whole, go_on)
 }
 
-/// Traces rays until `SHARE` of the goal is reached, at most `most`.
+/// Traces rays until their share of the goal is reached; once they are more than [`IN_VAIN`] times as many as `are_worth` it, the goal itself is enough, or the result is `None`.
 fn trace(
     sides: [&[DVec3]; 2],
     occluders: &[Occluder<'_>],
     goal: f64,
     budget: usize,
-    most: f64,
+    are_worth: &dyn Fn(f64) -> bool,
     whole: Whole,
     go_on: &dyn Fn() -> bool,
 ) -> Option<Partial> {
-    let enough = SHARE * goal;
+    let enough = enough(goal, whole);
     if budget < SCRAMBLES * FIRST {
         return None;
     }
@@ -202,8 +215,8 @@ fn trace(
         if n * SCRAMBLES > budget {
             return found;
         }
-        if (n * SCRAMBLES) as f64 > most {
-            return None;
+        if !are_worth((n * SCRAMBLES) as f64 / IN_VAIN) {
+            return found.filter(|found| found.reached);
         }
     }
 }
@@ -511,7 +524,7 @@ mod tests {
         let occluders = two_sided(&plates);
         let whole = Whole::of(&floor, &ceiling, 0.0);
         let by = |budget: usize, go_on: bool| {
-            let goal = 3e-3 * whole.area;
+            let goal = 1e-3 * whole.area;
             by_rays([&floor, &ceiling], &occluders, 1500, goal, budget, whole, &|| go_on)
         };
         let [all, part, cheap] = [(usize::MAX, true), (usize::MAX, false), (1000, true)]
@@ -529,12 +542,55 @@ mod tests {
     }
 
     #[test]
+    fn the_share_of_the_error_grows_with_the_exchange() {
+        let share = |ratio: f64| {
+            let whole = Whole {
+                area: ratio,
+                error: 0.0,
+            };
+            enough(1.0, whole)
+        };
+        let expected = [SHARE, SHARE, SHARE * 2.0_f64.powf(GROWTH), MOST];
+        for (ratio, expected) in [0.0, LARGE, 2.0 * LARGE, 1e4].into_iter().zip(expected) {
+            assert!((share(ratio) - expected).abs() < 1e-12, "{ratio}");
+        }
+    }
+
+    /// Where rays become more than they are worth, what is within the goal is not thrown away.
+    #[test]
+    fn rays_within_the_goal_are_kept() {
+        let floor = square(DVec3::ZERO, DVec3::X, DVec3::Y);
+        let ceiling = square(DVec3::Z, DVec3::Y, DVec3::X);
+        let plates = [0.1, 0.4, 0.7].map(|x| square(DVec3::new(x, x, 0.5), 0.2 * DVec3::X, DVec3::new(0.1, 0.2, 0.1)));
+        let occluders = two_sided(&plates);
+        let whole = Whole::of(&floor, &ceiling, 0.0);
+        let by = |goal: f64| {
+            let are_worth = |n_rays: f64| n_rays <= 1024.0 / IN_VAIN;
+            trace(
+                [&floor, &ceiling],
+                &occluders,
+                goal,
+                usize::MAX,
+                &are_worth,
+                whole,
+                &|| true,
+            )
+        };
+        let free = trace([&floor, &ceiling], &occluders, 0.0, 1024, &|_| true, whole, &|| true).expect("rays");
+        assert!(free.n_rays == 1024 && !free.reached, "{free:?}");
+        let kept = by(1.01 * free.error).expect("within the goal");
+        assert_eq!(Partial { reached: true, ..free }, kept);
+        assert_eq!(by(0.99 * free.error), None);
+    }
+
+    #[test]
     fn rays_are_chosen_where_clipping_would_cost_more() {
-        assert_eq!(worth(5, || 0, 1000.0), None);
-        assert!(worth(5, || 0, 1.0).is_some() && worth(30, || 20, 20.0).is_some());
-        assert!(worth(40, || 120, 60.0).is_some(), "loose leaves");
-        assert_eq!(worth(40, || 24, 60.0), None, "sides of one surface");
-        assert_eq!(worth(1400, || 1000, 3500.0), None);
+        let are_worth = |n_occluders, n_corners, ratio| are_worth(expected(ratio), n_occluders, || n_corners);
+        assert!(!are_worth(5, 0, 1000.0));
+        assert!(are_worth(5, 0, 1.0) && are_worth(30, 20, 20.0));
+        assert!(are_worth(40, 120, 60.0), "loose leaves");
+        assert!(!are_worth(40, 24, 60.0), "sides of one surface");
+        assert!(!are_worth(1400, 1000, 3500.0));
         let square = square(DVec3::ZERO, DVec3::X, DVec3::Y);
         let whole = Whole { area: 1.0, error: 0.0 };
         assert_eq!(
