@@ -154,7 +154,7 @@ pub(in crate::form_factor) fn after_all_by_rays(
     go_on: &dyn Fn() -> bool,
 ) -> Option<Partial> {
     // How much more clipping would take is unknown by now.
-    let most = IN_VAIN * expected(whole.area / enough(goal, whole));
+    let most = 2.0 * expected(whole.area / enough(goal, whole));
     trace(sides, occluders, goal, budget, &|n_rays| n_rays <= most, whole, go_on)
 }
 
