@@ -255,25 +255,24 @@ impl Batches<'_> {
             return;
         };
         let n_partial: Vec<usize> = strips.iter().map(|strip| strip.partial.len()).collect();
-        let work: Vec<(&Strip, &PartialPair)> = strips
-            .iter()
-            .flat_map(|strip| strip.partial.iter().map(move |pair| (strip, pair)))
-            .collect();
         // With the number of its occluders, the time of a pair grows by the power 2 to 3.
-        let cost = |strip: &Strip, pair: &PartialPair| {
+        let cost = &|strip: &Strip, pair: &PartialPair| {
             let n = index.count(&strip.occluders[pair.occluders.clone()]);
             (1 + n).pow(2) * (1 + n).isqrt()
         };
-        let costs = work.iter().map(|(strip, pair)| cost(strip, pair));
-        let integrated = Portions::new(self.progress, n_steps, costs.sum());
+        let work: Vec<(&Strip, &PartialPair, usize)> = strips
+            .iter()
+            .flat_map(|strip| strip.partial.iter().map(move |pair| (strip, pair, cost(strip, pair))))
+            .collect();
+        let integrated = Portions::new(self.progress, n_steps, work.iter().map(|(.., cost)| cost).sum());
         // Finer pieces than those of `threads`, for the same reason.
         let results: Vec<Option<Stated>> = work
             .par_iter()
             .with_max_len(16)
             .enumerate()
-            .map(|(place, (strip, pair))| {
+            .map(|(place, (strip, pair, cost))| {
                 let stated = self.known_or_integrated(index, place, strip, pair);
-                integrated.parts_done(cost(strip, pair));
+                integrated.parts_done(*cost);
                 stated
             })
             .collect();

@@ -120,9 +120,7 @@ impl Split<'_> {
             goal
         };
         let extra = self.budget / EXTRA;
-        let by_rays =
-            |goal: f64| partial::by_rays([p, q], &occluders, count, goal, self.budget, without, &self.go_on());
-        if let Some(found) = by_rays(closer) {
+        if let Some(found) = partial::by_rays([p, q], &occluders, count, closer, self.budget, without, &self.go_on()) {
             return found;
         }
         if has_few {
@@ -154,7 +152,7 @@ impl Split<'_> {
             if found.error <= goal {
                 return Partial { reached: true, ..found };
             }
-            if let Some(found) = by_rays(goal).or_else(|| uncut(goal)) {
+            if let Some(found) = uncut(goal) {
                 return found;
             }
         }

@@ -10,6 +10,7 @@
     reason = "inner scopes reuse the letters of the formulas and the names of what they look at"
 )]
 
+mod between;
 mod bodies;
 mod cells;
 mod events;
