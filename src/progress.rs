@@ -54,11 +54,13 @@ pub trait Progress: Sync {
 
 /// The expected wall time of form factors.
 ///
-/// It is the mean time of some rows times their number over the threads. Rare expensive pairs may be missing from it, and it includes the effect of other work on the machine.
+/// It is estimated from some rows, and from some of their pairs, of which those that seem expensive are drawn more often. It includes the effect of other work on the machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Forecast {
     /// The requested tolerance, and the time in s.
     pub asked: (f64, f64),
+    /// True if some pairs of the sample took longer than it may take: the times are then too low.
+    pub at_least: bool,
     /// Greater tolerances with their times in s; empty if they are not needed.
     pub looser: Vec<(f64, f64)>,
     /// The rays for each patch, and the time in s, of [`RandomShooting`](crate::form_factor::RandomShooting) in place of the method; only together with the others.

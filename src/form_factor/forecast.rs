@@ -47,6 +47,41 @@ pub(super) fn golden_section(n: usize) -> impl Iterator<Item = usize> {
     })
 }
 
+/// Draws among parts of work, each as often as its weight says.
+pub(super) struct Drawn {
+    weights: Vec<f64>,
+    /// The sum of the weights up to each.
+    until: Vec<f64>,
+}
+
+impl Drawn {
+    /// Takes positive weights.
+    pub(super) fn new(weights: Vec<f64>) -> Self {
+        let mut sum = 0.0;
+        let until = weights.iter().map(|weight| {
+            sum += weight;
+            sum
+        });
+        Self {
+            until: until.collect(),
+            weights,
+        }
+    }
+
+    /// Returns the part of draw `k` of `n`, and the number of parts that it stands for: 1 over its probability.
+    ///
+    /// There must be a part. The draws are as many equal steps of the sum of all weights.
+    pub(super) fn nth(&self, k: usize, n: usize) -> (usize, f64) {
+        let sum = self.until.last().copied().unwrap_or(0.0);
+        let place = (k as f64 + 0.5) / n as f64 * sum;
+        let part = self
+            .until
+            .partition_point(|&until| until < place)
+            .min(self.until.len() - 1);
+        (part, sum / self.weights[part])
+    }
+}
+
 /// Returns the seconds that shooting so many rays from each patch takes on all threads together.
 pub(super) fn shooting_s(input: Input<'_>, rays: u64) -> Option<f64> {
     let method = RandomShooting {
@@ -153,6 +188,22 @@ pub fn within(input: Input<'_>, tolerance: f64, limit: Duration, progress: &dyn 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_mean_over_draws_is_the_sum_over_parts() {
+        let values: Vec<f64> = (1..=50).map(|k| f64::from(k * k * k)).collect();
+        let sum: f64 = values.iter().sum();
+        for power in [0.0, 0.5, 1.0] {
+            let drawn = Drawn::new(values.iter().map(|value| value.powf(power)).collect());
+            let of_draw = |k| {
+                let (part, times) = drawn.nth(k, 1000);
+                values[part] * times
+            };
+            let found = (0..1000).map(of_draw).sum::<f64>() / 1000.0;
+            assert!((found / sum - 1.0).abs() < 0.01, "{power}: {found} and {sum}");
+        }
+        assert_eq!(Drawn::new(vec![2.0]).nth(6, 7), (0, 1.0));
+    }
 
     #[test]
     fn samples_are_spread_over_all_parts() {

@@ -352,7 +352,8 @@ impl Warning {
 
 /// Returns the text about the run time of long work, with those of other settings.
 fn long_work(forecast: &Forecast, named: Named<'_>) -> String {
-    let mut text = format!("form factors will take about {}", time_text(forecast.asked.1));
+    let about = if forecast.at_least { "at least" } else { "about" };
+    let mut text = format!("form factors will take {about} {}", time_text(forecast.asked.1));
     for &(tolerance, seconds) in &forecast.looser {
         let _ = write!(text, ", to a tolerance of {tolerance:.0e} {}", time_text(seconds));
     }

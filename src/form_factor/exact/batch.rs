@@ -6,6 +6,7 @@
 )]
 
 use std::borrow::Cow;
+use std::cmp::Reverse;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
@@ -23,7 +24,7 @@ use crate::form_factor::kept::{self, Part, Piece};
 use crate::form_factor::pairs::Exchange;
 use crate::form_factor::partial::Whole;
 use crate::matrix::{RowTally, RowTile};
-use crate::progress::Portions;
+use crate::progress::{Portions, Progress};
 use crate::threads;
 use crate::visibility::occluders::{OccluderId, OccluderIndex};
 
@@ -265,17 +266,23 @@ impl Batches<'_> {
             .flat_map(|strip| strip.partial.iter().map(move |pair| (strip, pair, cost(strip, pair))))
             .collect();
         let integrated = Portions::new(self.progress, n_steps, work.iter().map(|(.., cost)| cost).sum());
-        // Finer pieces than those of `threads`, for the same reason.
-        let results: Vec<Option<Stated>> = work
+        // Expensive pairs begin first, and pieces are finer than those of `threads`: otherwise one thread ends long after the others.
+        let mut order: Vec<usize> = (0..work.len()).collect();
+        order.sort_by_key(|&place| Reverse(work[place].2));
+        let in_order: Vec<Option<Stated>> = order
             .par_iter()
-            .with_max_len(16)
-            .enumerate()
-            .map(|(place, (strip, pair, cost))| {
+            .with_max_len(1)
+            .map(|&place| {
+                let (strip, pair, cost) = work[place];
                 let stated = self.known_or_integrated(index, place, strip, pair);
-                integrated.parts_done(*cost);
+                integrated.parts_done(cost);
                 stated
             })
             .collect();
+        let mut results = vec![None; work.len()];
+        for (place, stated) in order.into_iter().zip(in_order) {
+            results[place] = stated;
+        }
         let mut results = results.into_iter();
         for (strip, n) in strips.iter_mut().zip(n_partial) {
             for (pair, stated) in strip.partial.iter().zip(results.by_ref().take(n)) {
@@ -306,7 +313,13 @@ impl Batches<'_> {
             return Some(stated);
         }
         let begun = Instant::now();
-        let stated = self.partial(index, pair, &strip.occluders[pair.occluders.clone()], self.method);
+        let stated = self.partial(
+            index,
+            pair,
+            &strip.occluders[pair.occluders.clone()],
+            self.method,
+            self.progress,
+        );
         // An integral that was stopped is not stored.
         if !self.progress.is_cancelled() {
             self.journal.keep(place, stated.to_record(), begun.elapsed());
@@ -314,18 +327,19 @@ impl Batches<'_> {
         Some(stated)
     }
 
-    /// Integrates a partial pair by a method, which may differ from the one asked for.
+    /// Integrates a partial pair by a method, which may differ from the one asked for, until `progress` ends it.
     pub(super) fn partial(
         &self,
         index: &OccluderIndex,
         pair: &PartialPair,
         occluders: &[OccluderId],
         method: &ExactMethod,
+        progress: &dyn Progress,
     ) -> Stated {
         let flat = [pair.i, pair.j].map(|k| self.patches.flat_corners(k));
         let ends = flat.each_ref().map(AsRef::as_ref);
         let most = self.unoccluded(pair.i, pair.j);
-        if self.progress.is_late() {
+        if progress.is_late() {
             return self.bounded(pair, most);
         }
         let goal = method.tolerance * self.smaller_area([pair.i, pair.j]);
@@ -339,7 +353,7 @@ impl Batches<'_> {
             budget: method.budget,
             relative: method.relative_tolerance(),
             unlike_of_few: method.unlike_of_few(),
-            progress: self.progress,
+            progress,
         };
         // Where rounding is to be added, the integral leaves room for it, so that no pair is above the tolerance by its integral's share; room would not help where rounding alone is above it.
         let seen = |exchange: f64| Seen {

@@ -5,41 +5,51 @@
     reason = "inner scopes reuse the names of what they look at"
 )]
 
+use std::f64::consts::PI;
 use std::time::{Duration, Instant};
 
-use super::batches::{Batches, Strip};
+use super::batches::{Batches, PartialPair, Strip};
 use super::method::ExactMethod;
 use crate::form_factor::Input;
-use crate::form_factor::forecast::{RAYS, golden_section, mean, sampled, shooting_s};
-use crate::progress::Forecast;
+use crate::form_factor::forecast::{Drawn, RAYS, mean, sampled, shooting_s};
+use crate::form_factor::partial;
+use crate::geometry::polygon;
+use crate::progress::{Forecast, Progress};
 
-/// The most time of a sample: to classify runs of rows, and then to integrate their pairs for each tolerance.
+/// The most time of a sample: to classify runs of rows, to integrate their pairs for each tolerance, and for one pair.
 #[derive(Clone, Copy)]
 struct Limits {
-    of_rows: Duration,
-    of_pairs: Duration,
+    rows: Duration,
+    pairs: Duration,
+    pair: Duration,
 }
 
 /// The limits where the caller asked for a forecast.
 const IN_FULL: Limits = Limits {
-    of_rows: Duration::from_millis(1200),
-    of_pairs: Duration::from_millis(600),
+    rows: Duration::from_millis(1200),
+    pairs: Duration::from_secs(1),
+    pair: Duration::from_millis(500),
 };
 
 /// The limits where the forecast only warns, before the work itself begins.
 const BY_THE_WAY: Limits = Limits {
-    of_rows: Duration::from_millis(300),
-    of_pairs: Duration::from_millis(100),
+    rows: Duration::from_millis(300),
+    pairs: Duration::from_millis(700),
+    pair: Duration::from_millis(500),
 };
 
 /// The limits of a first estimate: most work is so short that it needs no better one.
 const AT_A_GLANCE: Limits = Limits {
-    of_rows: Duration::from_millis(4),
-    of_pairs: Duration::from_millis(4),
+    rows: Duration::from_millis(4),
+    pairs: Duration::from_millis(4),
+    pair: Duration::from_millis(10),
 };
 
 /// The part of [`Forecast::LONG`] below which a first estimate counts as short.
 const SHORT: f64 = 0.05;
+
+/// The factor that a first estimate may be too low by where it did not finish a pair.
+const UNFINISHED: f64 = 100.0;
 
 /// The greatest time of a pair where no occluder can lie between patches, in s.
 const CLEAR_PAIR_S: f64 = 1e-5;
@@ -47,11 +57,11 @@ const CLEAR_PAIR_S: f64 = 1e-5;
 /// The fewest runs of rows for each run of the sample: little work is not worth a forecast.
 const RUNS_PER_SAMPLE: usize = 32;
 
-/// The pairs of a run that are integrated.
-const PAIRS: usize = 4;
+/// The most pairs that are integrated for one tolerance.
+const PAIRS: usize = 1024;
 
-/// The budget at which a pair of the sample ends: the forecast is then too low.
-const BUDGET: usize = 50_000;
+/// The part of all draws of runs that go by their number, and of pairs; the others go by their expected cost, which may be wrong.
+const BY_NUMBER: f64 = 0.25;
 
 /// Looser tolerances, as multiples of the one asked for.
 const LOOSER: [f64; 3] = [10.0, 100.0, 1000.0];
@@ -74,103 +84,172 @@ impl Batches<'_> {
         } else {
             runs.len() / RUNS_PER_SAMPLE
         };
-        let within = |limits| Samples::new(self, &runs, n_samples, limits);
-        if !in_full && within(AT_A_GLANCE)?.seconds(self.method.tolerance)? < SHORT * Forecast::LONG {
+        let drawn = Drawn::new(mixed(runs.iter().map(|&run| self.expected_exchange(run)).collect()));
+        let within = |limits| Samples::new(self, &runs, &drawn, n_samples, limits);
+        if !in_full && self.is_short(&within(AT_A_GLANCE)?) {
             return None;
         }
         let samples = within(if in_full { IN_FULL } else { BY_THE_WAY })?;
         let of_tolerance = |tolerance: f64| samples.seconds(tolerance);
-        let asked = self.method.tolerance;
+        let tolerance = self.method.tolerance;
+        let asked = of_tolerance(tolerance);
         let mut forecast = Forecast {
-            asked: (asked, of_tolerance(asked)?),
+            asked: (tolerance, asked.seconds),
+            at_least: asked.at_least,
             looser: Vec::new(),
             shooting: None,
         };
-        if in_full || forecast.asked.1 > Forecast::LONG {
-            let mut stricter_s = forecast.asked.1;
-            for tolerance in LOOSER
-                .map(|factor| factor * asked)
+        if in_full || asked.seconds > Forecast::LONG {
+            let mut stricter_s = asked.seconds;
+            for looser in LOOSER
+                .map(|factor| factor * tolerance)
                 .into_iter()
                 .filter(|&t| t <= LOOSEST)
             {
                 // A looser tolerance cannot cost more: a time that seems to is noise of the sample.
-                stricter_s = of_tolerance(tolerance)?.min(stricter_s);
-                forecast.looser.push((tolerance, stricter_s));
+                stricter_s = of_tolerance(looser).seconds.min(stricter_s);
+                forecast.looser.push((looser, stricter_s));
             }
             forecast.shooting = shooting_s(input, RAYS).map(|seconds| (RAYS, seconds));
         }
         Some(forecast)
     }
 
+    /// Returns whether all rows seem to take so little time that a better forecast is not worth its own.
+    fn is_short(&self, glance: &Samples<'_>) -> bool {
+        let found = glance.seconds(self.method.tolerance);
+        let times = if found.at_least { UNFINISHED } else { 1.0 };
+        times * found.seconds < SHORT * Forecast::LONG
+    }
+
+    /// Returns a number that grows with the expected cost of a run: the area of its patches times the number of later ones.
+    fn expected_exchange(&self, (f, run): (usize, usize)) -> f64 {
+        let rows = self.patches.faces[f].runs[run].patches.clone();
+        let area: f64 = rows.clone().map(|i| self.patches.areas[i]).sum();
+        area * (self.patches.len() - rows.start) as f64
+    }
+
+    /// Returns the expected cost of a pair, in rays.
+    fn expected_cost(&self, strip: &Strip, pair: &PartialPair, tolerance: f64) -> f64 {
+        let Some(index) = &self.index else { return 0.0 };
+        let [p, q] = [pair.i, pair.j].map(|k| (self.patches.areas[k], polygon::centroid(&self.patches.corners[k])));
+        let distance_squared = p.1.distance_squared(q.1);
+        let ratio = p.0.max(q.0) / (PI * distance_squared).max(p.0.min(q.0)) / tolerance;
+        partial::expected_cost(ratio, index.count(&strip.occluders[pair.occluders.clone()]))
+    }
+
     /// Classifies a run of rows on one thread.
-    fn classified_run(&self, (f, run): (usize, usize)) -> Sample {
+    fn classified_run(&self, (f, run): (usize, usize)) -> (f64, Strip) {
         let face = &self.patches.faces[f];
         let begun = Instant::now();
         let views = self.views_of(f);
         let of_face = begun.elapsed().as_secs_f64() / face.row_runs.len() as f64;
         let begun = Instant::now();
         let strip = self.classify(f, &face.runs[run], &views);
-        Sample {
-            seconds: of_face + begun.elapsed().as_secs_f64(),
-            strip,
-        }
+        (of_face + begun.elapsed().as_secs_f64(), strip)
     }
 
-    /// Returns the seconds that the partial pairs of a run take on one thread, from some of them.
-    fn pairs_s(&self, strip: &Strip, tolerance: f64) -> f64 {
-        let n_partial = strip.partial.len();
-        let Some(index) = self.index.as_ref().filter(|_| n_partial > 0) else {
-            return 0.0;
-        };
+    /// Returns the seconds that a partial pair takes on one thread, and whether it was stopped before its end.
+    fn pair_s(&self, strip: &Strip, pair: &PartialPair, tolerance: f64, most: Duration) -> (f64, bool) {
+        let Some(index) = &self.index else { return (0.0, false) };
         let method = ExactMethod {
             tolerance,
-            budget: self.method.budget.min(BUDGET),
+            ..*self.method
         };
-        let n_integrated = PAIRS.min(n_partial);
+        let until = Until(Instant::now() + most);
         let begun = Instant::now();
-        for k in golden_section(n_partial).take(n_integrated) {
-            let pair = &strip.partial[k];
-            self.partial(index, pair, &strip.occluders[pair.occluders.clone()], &method);
-        }
-        begun.elapsed().as_secs_f64() * n_partial as f64 / n_integrated as f64
+        self.partial(index, pair, &strip.occluders[pair.occluders.clone()], &method, &until);
+        (begun.elapsed().as_secs_f64(), until.is_cancelled())
     }
+}
+
+/// Returns draws of which the part [`BY_NUMBER`] goes by number and the others by `costs`.
+fn mixed(mut costs: Vec<f64>) -> Vec<f64> {
+    let by_number = BY_NUMBER / (1.0 - BY_NUMBER) * mean(&costs).unwrap_or(0.0);
+    for cost in &mut costs {
+        *cost += by_number.max(f64::MIN_POSITIVE);
+    }
+    costs
+}
+
+/// Work that is to end at a time.
+struct Until(Instant);
+
+impl Progress for Until {
+    fn begin(&self, _stage: &str, _total: u64) {}
+    fn advance(&self, _steps: u64) {}
+
+    fn is_cancelled(&self) -> bool {
+        Instant::now() >= self.0
+    }
+}
+
+/// A time from samples.
+struct Sum {
+    seconds: f64,
+    /// Some pairs were stopped before their end.
+    at_least: bool,
 }
 
 /// Some runs of rows, classified.
 struct Samples<'a> {
     batches: &'a Batches<'a>,
     rows: Vec<Sample>,
-    /// The mean of their times.
+    /// The time to classify all rows.
     looked_s: f64,
-    n_runs: usize,
     limits: Limits,
 }
 
 impl<'a> Samples<'a> {
     /// Classifies up to `n_samples` of some runs; `None` without one.
-    fn new(batches: &'a Batches<'a>, runs: &[(usize, usize)], n_samples: usize, limits: Limits) -> Option<Self> {
-        let samples = sampled(runs.len(), n_samples, limits.of_rows, |k| {
-            batches.classified_run(runs[k])
+    fn new(
+        batches: &'a Batches<'a>,
+        runs: &[(usize, usize)],
+        drawn: &Drawn,
+        n_samples: usize,
+        limits: Limits,
+    ) -> Option<Self> {
+        let mut rows = sampled(n_samples, n_samples, limits.rows, |k| {
+            let (run, times) = drawn.nth(k, n_samples);
+            let (seconds, strip) = batches.classified_run(runs[run]);
+            Sample { seconds, strip, times }
         });
-        let times: Vec<f64> = samples.iter().map(|sample| sample.seconds).collect();
-        Some(Self {
+        let n = rows.len() as f64;
+        for row in &mut rows {
+            row.times /= n;
+        }
+        (!rows.is_empty()).then(|| Self {
             batches,
-            rows: samples,
-            looked_s: mean(&times)?,
-            n_runs: runs.len(),
+            looked_s: rows.iter().map(|row| row.times * row.seconds).sum(),
+            rows,
             limits,
         })
     }
 
     /// Returns the seconds that all runs take on all threads together.
-    fn seconds(&self, tolerance: f64) -> Option<f64> {
-        let n = self.rows.len();
-        let times = sampled(n, n, self.limits.of_pairs, |k| {
-            self.batches.pairs_s(&self.rows[k].strip, tolerance)
+    fn seconds(&self, tolerance: f64) -> Sum {
+        let batches = self.batches;
+        let pairs: Vec<(&Sample, &PartialPair)> = self
+            .rows
+            .iter()
+            .flat_map(|row| row.strip.partial.iter().map(move |pair| (row, pair)))
+            .collect();
+        let cost =
+            |&(row, pair): &(&Sample, &PartialPair)| row.times * batches.expected_cost(&row.strip, pair, tolerance);
+        let drawn = Drawn::new(mixed(pairs.iter().map(cost).collect()));
+        let n = if pairs.is_empty() { 0 } else { PAIRS };
+        let times = sampled(n, n, self.limits.pairs, |k| {
+            let (k, times) = drawn.nth(k, n);
+            let (row, pair) = pairs[k];
+            let (seconds, is_stopped) = batches.pair_s(&row.strip, pair, tolerance, self.limits.pair);
+            (row.times * times * seconds, is_stopped)
         });
-        let of_run = self.looked_s + mean(&times)?;
-        let n_threads = rayon::current_num_threads() * self.batches.progress.ranks().size();
-        Some(of_run * self.n_runs as f64 / n_threads as f64)
+        let of_pairs = times.iter().map(|time| time.0).sum::<f64>() / times.len().max(1) as f64;
+        let n_threads = rayon::current_num_threads() * batches.progress.ranks().size();
+        Sum {
+            seconds: (self.looked_s + of_pairs) / n_threads as f64,
+            at_least: times.iter().any(|time| time.1),
+        }
     }
 }
 
@@ -178,4 +257,6 @@ impl<'a> Samples<'a> {
 struct Sample {
     seconds: f64,
     strip: Strip,
+    /// The number of runs that it stands for.
+    times: f64,
 }

@@ -52,7 +52,7 @@ pub(crate) use free_point::{Place, PointViews};
 pub(super) use integration::{Integration, Limits};
 use pieces::Pieces;
 pub use point::VisibleFactor;
-pub(super) use rays::{after_all_by_rays, by_rays, clipping_worth};
+pub(super) use rays::{after_all_by_rays, by_rays, clipping_worth, expected_cost};
 use receiver::Receiver;
 use shadow::Shadows;
 use sight::{Sight, Views};
