@@ -6,7 +6,6 @@
 )]
 
 use std::borrow::Cow;
-use std::cmp::Reverse;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
@@ -266,23 +265,17 @@ impl Batches<'_> {
             .flat_map(|strip| strip.partial.iter().map(move |pair| (strip, pair, cost(strip, pair))))
             .collect();
         let integrated = Portions::new(self.progress, n_steps, work.iter().map(|(.., cost)| cost).sum());
-        // Expensive pairs begin first, and pieces are finer than those of `threads`: otherwise one thread ends long after the others.
-        let mut order: Vec<usize> = (0..work.len()).collect();
-        order.sort_by_key(|&place| Reverse(work[place].2));
-        let in_order: Vec<Option<Stated>> = order
+        // Finer pieces than those of `threads`, for the same reason.
+        let results: Vec<Option<Stated>> = work
             .par_iter()
-            .with_max_len(1)
-            .map(|&place| {
-                let (strip, pair, cost) = work[place];
+            .with_max_len(16)
+            .enumerate()
+            .map(|(place, (strip, pair, cost))| {
                 let stated = self.known_or_integrated(index, place, strip, pair);
-                integrated.parts_done(cost);
+                integrated.parts_done(*cost);
                 stated
             })
             .collect();
-        let mut results = vec![None; work.len()];
-        for (place, stated) in order.into_iter().zip(in_order) {
-            results[place] = stated;
-        }
         let mut results = results.into_iter();
         for (strip, n) in strips.iter_mut().zip(n_partial) {
             for (pair, stated) in strip.partial.iter().zip(results.by_ref().take(n)) {

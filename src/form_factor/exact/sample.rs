@@ -27,15 +27,15 @@ struct Limits {
 /// The limits where the caller asked for a forecast.
 const IN_FULL: Limits = Limits {
     rows: Duration::from_millis(1200),
-    pairs: Duration::from_secs(1),
-    pair: Duration::from_millis(500),
+    pairs: Duration::from_millis(600),
+    pair: Duration::from_millis(300),
 };
 
 /// The limits where the forecast only warns, before the work itself begins.
 const BY_THE_WAY: Limits = Limits {
     rows: Duration::from_millis(300),
-    pairs: Duration::from_millis(700),
-    pair: Duration::from_millis(500),
+    pairs: Duration::from_millis(400),
+    pair: Duration::from_millis(300),
 };
 
 /// The limits of a first estimate: most work is so short that it needs no better one.
@@ -156,8 +156,11 @@ impl Batches<'_> {
             tolerance,
             ..*self.method
         };
-        let until = Until(Instant::now() + most);
         let begun = Instant::now();
+        let until = Until {
+            progress: self.progress,
+            end: begun + most,
+        };
         self.partial(index, pair, &strip.occluders[pair.occluders.clone()], &method, &until);
         (begun.elapsed().as_secs_f64(), until.is_cancelled())
     }
@@ -172,15 +175,22 @@ fn mixed(mut costs: Vec<f64>) -> Vec<f64> {
     costs
 }
 
-/// Work that is to end at a time.
-struct Until(Instant);
+/// Work that is to end at a time, or once the work that it is a sample of ends.
+struct Until<'a> {
+    progress: &'a dyn Progress,
+    end: Instant,
+}
 
-impl Progress for Until {
+impl Progress for Until<'_> {
     fn begin(&self, _stage: &str, _total: u64) {}
     fn advance(&self, _steps: u64) {}
 
+    fn deadline(&self) -> Option<Instant> {
+        self.progress.deadline()
+    }
+
     fn is_cancelled(&self) -> bool {
-        Instant::now() >= self.0
+        self.progress.is_cancelled() || Instant::now() >= self.end
     }
 }
 
@@ -226,17 +236,24 @@ impl<'a> Samples<'a> {
         })
     }
 
-    /// Returns the seconds that all runs take on all threads together.
-    fn seconds(&self, tolerance: f64) -> Sum {
-        let batches = self.batches;
+    /// Returns all partial pairs, and the draws among them.
+    fn draws(&self, tolerance: f64) -> (Vec<(&Sample, &PartialPair)>, Drawn) {
         let pairs: Vec<(&Sample, &PartialPair)> = self
             .rows
             .iter()
             .flat_map(|row| row.strip.partial.iter().map(move |pair| (row, pair)))
             .collect();
-        let cost =
-            |&(row, pair): &(&Sample, &PartialPair)| row.times * batches.expected_cost(&row.strip, pair, tolerance);
+        let cost = |&(row, pair): &(&Sample, &PartialPair)| {
+            row.times * self.batches.expected_cost(&row.strip, pair, tolerance)
+        };
         let drawn = Drawn::new(mixed(pairs.iter().map(cost).collect()));
+        (pairs, drawn)
+    }
+
+    /// Returns the seconds that all runs take on all threads together.
+    fn seconds(&self, tolerance: f64) -> Sum {
+        let batches = self.batches;
+        let (pairs, drawn) = self.draws(tolerance);
         let n = if pairs.is_empty() { 0 } else { PAIRS };
         let times = sampled(n, n, self.limits.pairs, |k| {
             let (k, times) = drawn.nth(k, n);
@@ -259,4 +276,58 @@ struct Sample {
     strip: Strip,
     /// The number of runs that it stands for.
     times: f64,
+}
+
+#[cfg(test)]
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use super::super::split::tests::leaves;
+    use super::*;
+    use crate::mesh::{Mesh, Subdivision};
+    use crate::progress::Silent;
+    use crate::visibility::embree::EmbreeVisibility;
+
+    /// A floor and a ceiling with many leaves between are one pair of some hundred, of which 100 draws by number would have one at most.
+    #[test]
+    fn expensive_pairs_are_drawn_more_often() {
+        let scene = leaves(40);
+        let mesh = Mesh::new(&scene, Subdivision::Uniform(1)).unwrap();
+        let visibility = EmbreeVisibility::new(&scene).unwrap();
+        let input = Input {
+            scene: &scene,
+            mesh: &mesh,
+            visibility: &visibility,
+            unoccluded: false,
+        };
+        let method = ExactMethod {
+            tolerance: 1e-5,
+            ..ExactMethod::default()
+        };
+        let batches = Batches::new(&method, input, None, &Silent);
+        let rows = (0..batches.patches.faces.len()).map(|f| {
+            let (seconds, strip) = batches.classified_run((f, batches.patches.faces[f].row_runs[0]));
+            Sample {
+                seconds,
+                strip,
+                times: 1.0,
+            }
+        });
+        let samples = Samples {
+            rows: rows.collect(),
+            batches: &batches,
+            looked_s: 0.0,
+            limits: AT_A_GLANCE,
+        };
+        let (pairs, drawn) = samples.draws(method.tolerance);
+        let is_dear = |k: usize| {
+            let pair = pairs[drawn.nth(k, 100).0].1;
+            (pair.i.min(pair.j), pair.i.max(pair.j)) == (0, 1)
+        };
+        let n_dear = (0..100).filter(|&k| is_dear(k)).count();
+        assert!(
+            pairs.len() > 100 && n_dear >= 10,
+            "{n_dear} of 100 draws among {} pairs",
+            pairs.len()
+        );
+    }
 }

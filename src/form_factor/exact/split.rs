@@ -381,7 +381,7 @@ fn halved(corners: &[DVec3]) -> [Vec<DVec3>; 2] {
 
 #[cfg(test)]
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-mod tests {
+pub(super) mod tests {
     use std::f64::consts::{PI, TAU};
 
     use glam::DQuat;
@@ -402,7 +402,7 @@ mod tests {
     }
 
     /// Leaves between a floor and a ceiling of 4 m × 4 m, 3 m apart, which are faces 0 and 1.
-    fn leaves(n: u32) -> Scene {
+    pub(in crate::form_factor::exact) fn leaves(n: u32) -> Scene {
         let level = |z: f64| [(0.0, 0.0), (4.0, 0.0), (4.0, 4.0), (0.0, 4.0)].map(|(x, y)| DVec3::new(x, y, z));
         let [a, b, c, d] = level(3.0);
         let mut outlines = vec![level(0.0), [d, c, b, a]];
