@@ -5,6 +5,7 @@
     reason = "inner scopes reuse the names of what they look at"
 )]
 
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use super::{ExactMethod, FormFactorMethod, Input, MethodSettings, RandomShooting, SEQUENCE, TOLERANCE, settings};
@@ -15,12 +16,17 @@ use crate::threads;
 /// The rays for each patch that shooting is forecast for.
 pub(super) const RAYS: u64 = 4096;
 
-/// Returns the results of `work` for some of `n` parts, in the order of a golden section of all.
+/// Returns the results of `work` for some of `n` parts: those at `places` of the order of a golden section of all.
 ///
 /// It stops once `most` has passed; one turn of all threads is always done.
-pub(super) fn sampled<T: Send>(n: usize, n_samples: usize, most: Duration, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
+pub(super) fn sampled<T: Send>(
+    n: usize,
+    places: Range<usize>,
+    most: Duration,
+    work: impl Fn(usize) -> T + Sync,
+) -> Vec<T> {
     let begun = Instant::now();
-    let order: Vec<usize> = golden_section(n).take(n_samples.min(n)).collect();
+    let order: Vec<usize> = golden_section(n).take(places.end.min(n)).skip(places.start).collect();
     let mut results = Vec::new();
     for turn in order.chunks(rayon::current_num_threads()) {
         if begun.elapsed() > most {
@@ -91,7 +97,7 @@ pub(super) fn shooting_s(input: Input<'_>, rays: u64) -> Option<f64> {
     };
     let rows = method.rows(input)?;
     let n = input.mesh.n_patches();
-    let times = sampled(n, 256, Duration::from_millis(200), |i| {
+    let times = sampled(n, 0..256, Duration::from_millis(200), |i| {
         let begun = Instant::now();
         rows(i..i + 1);
         begun.elapsed().as_secs_f64()
@@ -212,10 +218,12 @@ mod tests {
         sorted.sort_unstable();
         assert!(sorted.windows(2).all(|pair| (1..=30).contains(&(pair[1] - pair[0]))));
         assert!(golden_section(1).take(10).all(|place| place == 0));
-        let mut parts = sampled(7, 1000, Duration::from_secs(9), |k| k);
+        let mut parts = sampled(7, 0..1000, Duration::from_secs(9), |k| k);
         parts.sort_unstable();
         assert_eq!(parts.len(), 7);
+        let [first, rest, all] = [0..3, 3..9, 0..9].map(|places| sampled(9, places, Duration::from_secs(9), |k| k));
+        assert_eq!([first, rest].concat(), all);
         assert_eq!(mean(&[1.0, 3.0]), Some(2.0));
-        assert_eq!(mean(&sampled(0, 10, Duration::from_secs(9), |_| 1.0)), None);
+        assert_eq!(mean(&sampled(0, 0..10, Duration::from_secs(9), |_| 1.0)), None);
     }
 }

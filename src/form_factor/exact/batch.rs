@@ -255,11 +255,8 @@ impl Batches<'_> {
             return;
         };
         let n_partial: Vec<usize> = strips.iter().map(|strip| strip.partial.len()).collect();
-        // With the number of its occluders, the time of a pair grows by the power 2 to 3.
-        let cost = &|strip: &Strip, pair: &PartialPair| {
-            let n = index.count(&strip.occluders[pair.occluders.clone()]);
-            (1 + n).pow(2) * (1 + n).isqrt()
-        };
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturates")]
+        let cost = |strip: &Strip, pair: &PartialPair| self.expected_cost(strip, pair, self.method.tolerance) as usize;
         let work: Vec<(&Strip, &PartialPair, usize)> = strips
             .iter()
             .flat_map(|strip| strip.partial.iter().map(move |pair| (strip, pair, cost(strip, pair))))

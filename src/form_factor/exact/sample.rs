@@ -84,12 +84,17 @@ impl Batches<'_> {
         } else {
             runs.len() / RUNS_PER_SAMPLE
         };
-        let drawn = Drawn::new(mixed(runs.iter().map(|&run| self.expected_exchange(run)).collect()));
-        let within = |limits| Samples::new(self, &runs, &drawn, n_samples, limits);
-        if !in_full && self.is_short(&within(AT_A_GLANCE)?) {
+        if n_samples == 0 {
             return None;
         }
-        let samples = within(if in_full { IN_FULL } else { BY_THE_WAY })?;
+        let mut samples = Samples::new(self, &runs, n_samples);
+        if !in_full {
+            samples.look(AT_A_GLANCE);
+            if self.is_short(&samples) {
+                return None;
+            }
+        }
+        samples.look(if in_full { IN_FULL } else { BY_THE_WAY });
         let of_tolerance = |tolerance: f64| samples.seconds(tolerance);
         let tolerance = self.method.tolerance;
         let asked = of_tolerance(tolerance);
@@ -130,7 +135,7 @@ impl Batches<'_> {
     }
 
     /// Returns the expected cost of a pair, in rays.
-    fn expected_cost(&self, strip: &Strip, pair: &PartialPair, tolerance: f64) -> f64 {
+    pub(super) fn expected_cost(&self, strip: &Strip, pair: &PartialPair, tolerance: f64) -> f64 {
         let Some(index) = &self.index else { return 0.0 };
         let [p, q] = [pair.i, pair.j].map(|k| (self.patches.areas[k], polygon::centroid(&self.patches.corners[k])));
         let distance_squared = p.1.distance_squared(q.1);
@@ -194,8 +199,8 @@ impl Progress for Until<'_> {
     }
 }
 
-/// A time from samples.
-struct Sum {
+/// A time, from samples.
+struct Expected {
     seconds: f64,
     /// Some pairs were stopped before their end.
     at_least: bool,
@@ -204,36 +209,47 @@ struct Sum {
 /// Some runs of rows, classified.
 struct Samples<'a> {
     batches: &'a Batches<'a>,
+    runs: &'a [(usize, usize)],
+    /// The draws among the runs.
+    drawn: Drawn,
+    n_draws: usize,
+    /// The runs drawn so far.
     rows: Vec<Sample>,
-    /// The time to classify all rows.
-    looked_s: f64,
+    /// The wall time that they took.
+    spent: Duration,
     limits: Limits,
 }
 
 impl<'a> Samples<'a> {
-    /// Classifies up to `n_samples` of some runs; `None` without one.
-    fn new(
-        batches: &'a Batches<'a>,
-        runs: &[(usize, usize)],
-        drawn: &Drawn,
-        n_samples: usize,
-        limits: Limits,
-    ) -> Option<Self> {
-        let mut rows = sampled(n_samples, n_samples, limits.rows, |k| {
-            let (run, times) = drawn.nth(k, n_samples);
-            let (seconds, strip) = batches.classified_run(runs[run]);
+    /// Prepares `n_draws` draws among some runs.
+    fn new(batches: &'a Batches<'a>, runs: &'a [(usize, usize)], n_draws: usize) -> Self {
+        let costs = runs.iter().map(|&run| batches.expected_exchange(run)).collect();
+        Self {
+            batches,
+            runs,
+            drawn: Drawn::new(mixed(costs)),
+            n_draws,
+            rows: Vec::new(),
+            spent: Duration::ZERO,
+            limits: AT_A_GLANCE,
+        }
+    }
+
+    /// Classifies more runs, until all are drawn or the time is spent, that of earlier ones included.
+    fn look(&mut self, limits: Limits) {
+        self.limits = limits;
+        let rest = limits.rows.saturating_sub(self.spent);
+        if rest.is_zero() {
+            return;
+        }
+        let begun = Instant::now();
+        let rows = sampled(self.n_draws, self.rows.len()..self.n_draws, rest, |k| {
+            let (run, times) = self.drawn.nth(k, self.n_draws);
+            let (seconds, strip) = self.batches.classified_run(self.runs[run]);
             Sample { seconds, strip, times }
         });
-        let n = rows.len() as f64;
-        for row in &mut rows {
-            row.times /= n;
-        }
-        (!rows.is_empty()).then(|| Self {
-            batches,
-            looked_s: rows.iter().map(|row| row.times * row.seconds).sum(),
-            rows,
-            limits,
-        })
+        self.rows.extend(rows);
+        self.spent += begun.elapsed();
     }
 
     /// Returns all partial pairs, and the draws among them.
@@ -251,20 +267,21 @@ impl<'a> Samples<'a> {
     }
 
     /// Returns the seconds that all runs take on all threads together.
-    fn seconds(&self, tolerance: f64) -> Sum {
+    fn seconds(&self, tolerance: f64) -> Expected {
         let batches = self.batches;
         let (pairs, drawn) = self.draws(tolerance);
         let n = if pairs.is_empty() { 0 } else { PAIRS };
-        let times = sampled(n, n, self.limits.pairs, |k| {
+        let times = sampled(n, 0..n, self.limits.pairs, |k| {
             let (k, times) = drawn.nth(k, n);
             let (row, pair) = pairs[k];
             let (seconds, is_stopped) = batches.pair_s(&row.strip, pair, tolerance, self.limits.pair);
             (row.times * times * seconds, is_stopped)
         });
         let of_pairs = times.iter().map(|time| time.0).sum::<f64>() / times.len().max(1) as f64;
-        let n_threads = rayon::current_num_threads() * batches.progress.ranks().size();
-        Sum {
-            seconds: (self.looked_s + of_pairs) / n_threads as f64,
+        let looked: f64 = self.rows.iter().map(|row| row.times * row.seconds).sum();
+        let n_rows_and_threads = self.rows.len() * rayon::current_num_threads() * batches.progress.ranks().size();
+        Expected {
+            seconds: (looked + of_pairs) / n_rows_and_threads as f64,
             at_least: times.iter().any(|time| time.1),
         }
     }
@@ -304,20 +321,18 @@ mod tests {
             ..ExactMethod::default()
         };
         let batches = Batches::new(&method, input, None, &Silent);
-        let rows = (0..batches.patches.faces.len()).map(|f| {
-            let (seconds, strip) = batches.classified_run((f, batches.patches.faces[f].row_runs[0]));
+        let runs: Vec<(usize, usize)> = (0..batches.patches.faces.len())
+            .map(|f| (f, batches.patches.faces[f].row_runs[0]))
+            .collect();
+        let mut samples = Samples::new(&batches, &runs, runs.len());
+        samples.rows.extend(runs.iter().map(|&run| {
+            let (seconds, strip) = batches.classified_run(run);
             Sample {
                 seconds,
                 strip,
                 times: 1.0,
             }
-        });
-        let samples = Samples {
-            rows: rows.collect(),
-            batches: &batches,
-            looked_s: 0.0,
-            limits: AT_A_GLANCE,
-        };
+        }));
         let (pairs, drawn) = samples.draws(method.tolerance);
         let is_dear = |k: usize| {
             let pair = pairs[drawn.nth(k, 100).0].1;
