@@ -1,6 +1,6 @@
 //! The command-line program.
 
-pub mod args;
+mod args;
 mod checks;
 mod compare;
 mod exit_code;
@@ -169,7 +169,8 @@ fn answer(arguments: &[OsString]) -> Answer {
 }
 
 /// Returns the command line, in which a value may begin with a minus and a digit, so that its flag reports errors in numbers.
-fn command() -> clap::Command {
+#[must_use]
+pub fn command() -> clap::Command {
     Cli::command().mut_subcommands(|command| {
         command.mut_args(|argument| {
             let is_flag_with_value = !argument.is_positional() && argument.get_action().takes_values();

@@ -10,7 +10,7 @@ use crate::form_factor::ExactMethod;
 
 /// Whether occluders are looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum VisibilityName {
+pub(crate) enum VisibilityName {
     /// Yes
     On,
     /// No: form factors of the bare pairs, for the methods that can leave visibility out
@@ -21,7 +21,7 @@ pub enum VisibilityName {
 
 /// `radiosity compare`.
 #[derive(Args, Debug)]
-pub struct CompareArgs {
+pub(crate) struct CompareArgs {
     /// A scene file of any format, or the name of a built-in scene
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
@@ -58,7 +58,7 @@ pub struct CompareArgs {
 
 /// The papers whose tables can be repeated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum PaperName {
+pub(crate) enum PaperName {
     /// Baranoski, Bramley and Shirley 1995: table 2 (solvers), tables 3 to 8 (form factors by shooting and quadrature)
     Baranoski,
     /// Every solver on stiff, extreme and impossible systems
@@ -75,7 +75,7 @@ pub enum PaperName {
 
 /// `radiosity reproduce`.
 #[derive(Args, Debug)]
-pub struct ReproduceArgs {
+pub(crate) struct ReproduceArgs {
     /// The paper
     #[arg(value_enum, value_name = "PAPER")]
     pub paper: PaperName,

@@ -11,7 +11,7 @@ use crate::workflow::FieldMethod;
 
 /// `radiosity field`.
 #[derive(Args, Debug)]
-pub struct FieldArgs {
+pub(crate) struct FieldArgs {
     /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,

@@ -23,7 +23,7 @@ use crate::workflow::{
 /// How faces are cut into patches.
 #[derive(Args, Clone, Copy, Debug, Default)]
 #[command(next_help_heading = "Patches")]
-pub struct MeshArgs {
+pub(crate) struct MeshArgs {
     /// Cut every edge into N parts: a quad into N×N patches, a triangle into N² [default: 1; render and voxel: by size; compare: for 200 patches or more]
     #[arg(long, value_name = "N", conflicts_with = "max_edge", value_parser = clap::value_parser!(u32).range(1..))]
     pub subdivide: Option<u32>,
@@ -41,13 +41,13 @@ pub struct MeshArgs {
 impl MeshArgs {
     /// Returns whether any of the flags is given.
     #[must_use]
-    pub fn is_given(&self) -> bool {
+    pub(crate) fn is_given(&self) -> bool {
         self.subdivide.is_some() || self.max_edge.is_some() || self.no_cut || self.cut_at_walls
     }
 
     /// Returns the options that the flags set; `default` is the subdivision without a flag for it.
     #[must_use]
-    pub fn options(self, default: Subdivision) -> MeshOptions {
+    pub(crate) fn options(self, default: Subdivision) -> MeshOptions {
         MeshOptions {
             subdivision: match (self.subdivide, self.max_edge) {
                 (Some(n), _) => Subdivision::Uniform(n),
@@ -62,7 +62,7 @@ impl MeshArgs {
     ///
     /// # Errors
     /// Flags that request other patches.
-    pub fn of_file(self, file: &FormFactorFile) -> Result<Self, WorkflowError> {
+    pub(crate) fn of_file(self, file: &FormFactorFile) -> Result<Self, WorkflowError> {
         let default = self.options(Subdivision::Uniform(1));
         // An absent flag requests nothing.
         let is_asked = self.subdivide.is_some() || self.max_edge.is_some();
@@ -93,7 +93,7 @@ fn method_name() -> impl TypedValueParser<Value = String> {
 /// How form factors are computed.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Form factors")]
-pub struct MethodArgs {
+pub(crate) struct MethodArgs {
     /// The method
     #[arg(long, value_name = "NAME", value_parser = method_name(), default_value = "exact")]
     pub method: String,
@@ -126,13 +126,13 @@ impl MethodArgs {
 
     /// Returns the sequence of the rays' numbers.
     #[must_use]
-    pub fn sequence(&self) -> Sequence {
+    pub(crate) fn sequence(&self) -> Sequence {
         self.settings(None).sequence().unwrap_or_default()
     }
 
     /// Returns the request of the flags, with the tolerance of another flag and the steps after the form factors.
     #[must_use]
-    pub fn request(&self, tolerance: Option<f64>, afterwards: Afterwards) -> FormFactorRequest {
+    pub(crate) fn request(&self, tolerance: Option<f64>, afterwards: Afterwards) -> FormFactorRequest {
         let (default_rays, default_tolerance) = match afterwards {
             Afterwards::Image => (IMAGE_RAYS, IMAGE_TOLERANCE),
             Afterwards::Nothing | Afterwards::Light => (DEFAULT_RAYS, ExactMethod::DEFAULT_TOLERANCE),
@@ -159,7 +159,7 @@ impl MethodArgs {
 
 /// Whether the scene is closed.
 #[derive(Args, Clone, Copy, Debug)]
-pub struct ClosureArgs {
+pub(crate) struct ClosureArgs {
     /// The scene is closed: its rows sum to 1 where no back is seen. Refused where more than 1e-3 of the rays of a patch leave [default: by the shape of the scene, and by rays that are counted]
     #[arg(long, conflicts_with = "open")]
     pub closed: bool,
@@ -171,7 +171,7 @@ pub struct ClosureArgs {
 impl ClosureArgs {
     /// Returns the user's statement whether the scene is closed.
     #[must_use]
-    pub fn closure(self) -> Closure {
+    pub(crate) fn closure(self) -> Closure {
         match (self.closed, self.open) {
             (true, _) => Closure::Closed,
             (_, true) => Closure::Open,
@@ -182,7 +182,7 @@ impl ClosureArgs {
 
 /// How many digits of form factors are kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub enum PrecisionName {
+pub(crate) enum PrecisionName {
     /// f64, or f32 where that keeps a system in memory and suffices for its tolerance
     #[default]
     Auto,
@@ -195,7 +195,7 @@ pub enum PrecisionName {
 /// The limits and places of form factors.
 #[derive(Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Memory")]
-pub struct MemoryArgs {
+pub(crate) struct MemoryArgs {
     /// The most memory to use, as in 512MiB or 2G [default: 80 % of what is available]
     #[arg(long, value_name = "BYTES", value_parser = parse_byte)]
     pub memory_limit: Option<u64>,
@@ -213,7 +213,7 @@ pub struct MemoryArgs {
 impl MemoryArgs {
     /// Returns the memory limit and the storage that the flags set.
     #[must_use]
-    pub fn memory(&self) -> Memory {
+    pub(crate) fn memory(&self) -> Memory {
         Memory {
             limit_byte: self.memory_limit,
             storage: self.storage,
@@ -231,7 +231,7 @@ impl MemoryArgs {
 /// Where form factors are kept.
 #[derive(Args, Clone, Debug, Default)]
 #[command(next_help_heading = "Memory")]
-pub struct StorageArgs {
+pub(crate) struct StorageArgs {
     #[command(flatten)]
     pub memory: MemoryArgs,
     /// A file for finished form factors and gathered light: after an interruption the same command goes on from there; it is removed when the command is done
@@ -241,7 +241,7 @@ pub struct StorageArgs {
 
 /// `radiosity form-factors`.
 #[derive(Args, Debug)]
-pub struct FormFactorsArgs {
+pub(crate) struct FormFactorsArgs {
     /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
@@ -275,7 +275,7 @@ pub struct FormFactorsArgs {
 impl FormFactorsArgs {
     /// Returns the greatest number of surfaces for which the factors between them are computed.
     #[must_use]
-    pub fn surfaces_up_to(&self) -> usize {
+    pub(crate) fn surfaces_up_to(&self) -> usize {
         match (self.common.json, self.full) {
             (false, _) => SurfaceTable::MAX_READ,
             (true, false) => SurfaceTable::MAX_PRINTED,

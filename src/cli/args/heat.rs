@@ -16,7 +16,7 @@ use crate::workflow::{Context, ExchangeNodes, SunRecord};
 #[command(next_help_heading = "Sun")]
 #[group(skip)]
 #[command(group = clap::ArgGroup::new("sun_direction").args(["sun", "latitude"]))]
-pub struct SunArgs {
+pub(crate) struct SunArgs {
     /// The direction towards the sun, of any length; instead of that of the file
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_vector, requires = "sun_irradiance", allow_hyphen_values = true)]
     pub sun: Option<[f64; 3]>,
@@ -96,7 +96,7 @@ impl From<NodesName> for ExchangeNodes {
 
 /// `radiosity heat`.
 #[derive(Args, Debug)]
-pub struct HeatArgs {
+pub(crate) struct HeatArgs {
     /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,

@@ -1,8 +1,6 @@
 //! The command line: names, defaults, help.
-#![expect(
-    missing_docs,
-    reason = "a doc comment of a group of flags would replace the help of the flags"
-)]
+//!
+//! A group of flags has no doc comment: it would replace the help of the flags.
 
 mod byte;
 mod experiments;
@@ -26,16 +24,16 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use crate::workflow::SolveRequest;
 use byte::parse_byte;
 
-pub use experiments::{CompareArgs, PaperName, ReproduceArgs, VisibilityName};
-pub use field::FieldArgs;
-pub use form_factors::{ClosureArgs, FormFactorsArgs, MemoryArgs, MeshArgs, MethodArgs, PrecisionName, StorageArgs};
-pub use heat::{HeatArgs, NodesName, SunArgs};
-pub use points::PointsArgs;
-pub use reading::ReadingArgs;
-pub use render::{DirectName, GatherArgs, ImageArgs, PictureFileArgs, RenderArgs, ViewArgs};
-pub use solve::{SolveArgs, SolverArgs};
-pub use tables::parse_tables;
-pub use voxel::{LinksName, VoxelArgs};
+pub(super) use experiments::{CompareArgs, PaperName, ReproduceArgs, VisibilityName};
+pub(super) use field::FieldArgs;
+pub(super) use form_factors::{ClosureArgs, FormFactorsArgs, MemoryArgs, MeshArgs, MethodArgs, StorageArgs};
+pub(super) use heat::{HeatArgs, SunArgs};
+pub(super) use points::PointsArgs;
+pub(super) use reading::ReadingArgs;
+pub(super) use render::{DirectName, GatherArgs, ImageArgs, PictureFileArgs, RenderArgs, ViewArgs};
+pub(super) use solve::{SolveArgs, SolverArgs};
+pub(super) use tables::parse_tables;
+pub(super) use voxel::{LinksName, VoxelArgs};
 
 /// View factors and radiosity for diffuse scenes, with an error stated for every number.
 #[derive(Debug, Parser)]
@@ -44,7 +42,7 @@ pub use voxel::{LinksName, VoxelArgs};
     after_help = "Exit codes: 0 done, 1 error in input or at run time, 2 usage, 3 not converged or inexact, 4 failed check, \
                   130 and 143 ended by SIGINT and SIGTERM."
 )]
-pub struct Cli {
+pub(super) struct Cli {
     /// The command to run.
     #[command(subcommand)]
     pub command: Command,
@@ -52,7 +50,7 @@ pub struct Cli {
 
 /// The commands.
 #[derive(Debug, Subcommand)]
-pub enum Command {
+pub(super) enum Command {
     /// Write a built-in scene as OBJ and MTL
     Scene(SceneArgs),
     /// Compute form factors, check them, and report them by surface
@@ -84,7 +82,7 @@ pub enum Command {
 impl Command {
     /// Returns the common flags of commands that compute results.
     #[must_use]
-    pub fn common(&self) -> Option<&CommonArgs> {
+    pub(super) fn common(&self) -> Option<&CommonArgs> {
         match self {
             Self::Scene(a) => Some(&a.common),
             Self::FormFactors(a) => Some(&a.common),
@@ -104,7 +102,7 @@ impl Command {
 
 /// `radiosity completions`.
 #[derive(Args, Clone, Copy, Debug)]
-pub struct CompletionsArgs {
+pub(super) struct CompletionsArgs {
     /// The shell
     #[arg(value_name = "SHELL", value_enum)]
     pub shell: ShellName,
@@ -112,7 +110,7 @@ pub struct CompletionsArgs {
 
 /// A shell that completes commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum ShellName {
+pub(super) enum ShellName {
     /// As in: radiosity completions bash > ~/.local/share/bash-completion/completions/radiosity
     Bash,
     /// As in: radiosity completions zsh > a folder of $fpath/_radiosity
@@ -123,7 +121,7 @@ pub enum ShellName {
 
 /// `radiosity man`.
 #[derive(Args, Clone, Debug)]
-pub struct ManArgs {
+pub(super) struct ManArgs {
     /// The directory of the pages, as in ~/.local/share/man/man1; it is made if it is not there
     #[arg(value_name = "DIR")]
     pub directory: PathBuf,
@@ -132,7 +130,7 @@ pub struct ManArgs {
 /// Flags that every command has.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Common")]
-pub struct CommonArgs {
+pub(super) struct CommonArgs {
     /// Number of threads [default: all cores]; results do not depend on it
     #[arg(long, value_name = "K", value_parser = |text: &str| parse_up_to(text, 4096))]
     pub threads: Option<NonZeroUsize>,
@@ -152,7 +150,7 @@ pub struct CommonArgs {
 /// The treatment of failed conservation checks.
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Common")]
-pub struct AuditArgs {
+pub(super) struct AuditArgs {
     /// End with exit code 4 if the result fails a conservation check (row sums, reciprocity, energy, ...); without it, that is a warning
     #[arg(long)]
     pub strict: bool,
@@ -160,7 +158,7 @@ pub struct AuditArgs {
 
 /// `radiosity scene`.
 #[derive(Args, Debug)]
-pub struct SceneArgs {
+pub(super) struct SceneArgs {
     /// The built-in scene's name
     #[arg(value_name = "NAME")]
     pub name: String,
@@ -176,7 +174,7 @@ pub struct SceneArgs {
 
 /// `radiosity verify`.
 #[derive(Args, Debug)]
-pub struct VerifyArgs {
+pub(super) struct VerifyArgs {
     /// The image that `radiosity render` or `radiosity field` wrote
     #[arg(value_name = "IMAGE.exr")]
     pub image: PathBuf,

@@ -8,7 +8,7 @@ use super::{CommonArgs, MeshArgs, MethodArgs, SolverArgs, StorageArgs, parse_pos
 
 /// `radiosity points`.
 #[derive(Args, Debug)]
-pub struct PointsArgs {
+pub(crate) struct PointsArgs {
     /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,

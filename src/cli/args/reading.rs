@@ -11,7 +11,7 @@ use crate::workflow::Context;
 /// How a scene file is read.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Scene file")]
-pub struct ReadingArgs {
+pub(crate) struct ReadingArgs {
     /// The format of the scene file: obj, stl, ply, msh, vtk, gltf or vs3 [default: by its content, then by its suffix]
     #[arg(long, value_name = "NAME", value_parser = parse_format)]
     pub format: Option<String>,
@@ -47,7 +47,7 @@ pub struct ReadingArgs {
 impl ReadingArgs {
     /// Returns the options for the library.
     #[must_use]
-    pub fn options(&self) -> LoadOptions {
+    pub(crate) fn options(&self) -> LoadOptions {
         LoadOptions::default()
             .format(self.format.as_deref().and_then(Format::named))
             .allow_outside(self.allow_outside)
@@ -63,7 +63,7 @@ impl ReadingArgs {
 
     /// Returns the faces whose winding is to be reversed.
     #[must_use]
-    pub fn flip(&self) -> Flip {
+    pub(crate) fn flip(&self) -> Flip {
         if self.flip.is_empty() {
             Flip::Nothing
         } else if self.flip.iter().any(String::is_empty) {
@@ -75,7 +75,7 @@ impl ReadingArgs {
 
     /// Returns the first given flag beside `--allow-outside`, which commands without a scene accept.
     #[must_use]
-    pub fn first_given(&self) -> Option<&'static str> {
+    pub(crate) fn first_given(&self) -> Option<&'static str> {
         let given = [
             (self.format.is_some(), "--format"),
             (!self.flip.is_empty(), "--flip"),

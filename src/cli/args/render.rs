@@ -15,7 +15,7 @@ use crate::workflow::{CameraChoice, ViewRequest};
 
 /// The direct pass: light from the emitters, integrated at each pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum DirectName {
+pub(crate) enum DirectName {
     /// None: the radiosity of the patches alone, interpolated
     Off,
     /// Cosine-distributed rays, with a standard error for every pixel; for `verify`
@@ -28,7 +28,7 @@ pub enum DirectName {
 
 /// `radiosity render`.
 #[derive(Args, Debug)]
-pub struct RenderArgs {
+pub(crate) struct RenderArgs {
     /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
@@ -72,7 +72,7 @@ pub struct RenderArgs {
 /// Final gather.
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Picture")]
-pub struct GatherArgs {
+pub(crate) struct GatherArgs {
     /// Gather the light between surfaces at each pixel by rays, in place of interpolating it between patches
     #[arg(long)]
     pub final_gather: bool,
@@ -87,7 +87,7 @@ pub struct GatherArgs {
 /// The file of a picture.
 #[derive(Args, Clone, Copy, Debug)]
 #[command(next_help_heading = "Picture")]
-pub struct PictureFileArgs {
+pub(crate) struct PictureFileArgs {
     /// The kind of floats
     #[arg(long, value_enum, default_value_t)]
     pub pixels: Pixels,
@@ -99,7 +99,7 @@ pub struct PictureFileArgs {
 /// The picture.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Picture")]
-pub struct ImageArgs {
+pub(crate) struct ImageArgs {
     #[command(flatten)]
     pub view: ViewArgs,
     /// Show each patch's own radiosity, not interpolated
@@ -121,7 +121,7 @@ fn image_side() -> clap::builder::RangedI64ValueParser<u32> {
 /// Where the picture is seen from, and how many pixels it has.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Picture")]
-pub struct ViewArgs {
+pub(crate) struct ViewArgs {
     /// A camera file, or `unfolded` for one orthographic tile a planar surface [default: camera.toml beside the scene, else a view from inside]
     #[arg(long, value_name = "FILE|unfolded")]
     pub camera: Option<PathBuf>,
@@ -151,7 +151,7 @@ pub struct ViewArgs {
 impl ImageArgs {
     /// Returns whether any flag about the image is given.
     #[must_use]
-    pub fn is_given(&self) -> bool {
+    pub(crate) fn is_given(&self) -> bool {
         self.view.request() != ViewRequest::default() || self.flat || self.view.samples.is_some()
     }
 }
@@ -159,7 +159,7 @@ impl ImageArgs {
 impl ViewArgs {
     /// Returns the view that the flags request.
     #[must_use]
-    pub fn request(&self) -> ViewRequest {
+    pub(crate) fn request(&self) -> ViewRequest {
         ViewRequest {
             camera: match &self.camera {
                 None => CameraChoice::OfScene,

@@ -13,14 +13,14 @@ use crate::solver;
 type Listed = Vec<(&'static Setting, Vec<(&'static str, Use)>)>;
 
 /// A registry whose settings are flags.
-pub trait Registry {
+pub(crate) trait Registry {
     /// Returns the settings that are flags of every command.
     fn settings() -> Listed;
 }
 
 /// The settings of form-factor methods; the tolerance has flags of its own, as a solver has one too.
 #[derive(Clone, Debug)]
-pub struct OfMethods;
+pub(crate) struct OfMethods;
 
 impl Registry for OfMethods {
     fn settings() -> Listed {
@@ -38,7 +38,7 @@ pub(super) fn of_computation() -> Vec<&'static str> {
 
 /// The settings of solvers.
 #[derive(Clone, Debug)]
-pub struct OfSolvers;
+pub(crate) struct OfSolvers;
 
 impl Registry for OfSolvers {
     fn settings() -> Listed {
@@ -48,7 +48,7 @@ impl Registry for OfSolvers {
 
 /// The values that flags give to the settings of a registry.
 #[derive(Clone, Debug)]
-pub struct SettingFlags<R> {
+pub(crate) struct SettingFlags<R> {
     /// The values.
     pub values: Values,
     registry: PhantomData<R>,

@@ -32,7 +32,7 @@ pub(super) fn solver_name_without_symmetry() -> impl TypedValueParser<Value = St
 /// How the system is solved.
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Solver")]
-pub struct SolverArgs {
+pub(crate) struct SolverArgs {
     /// The solver
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = solver_name())]
     pub solver: String,
@@ -52,7 +52,7 @@ pub struct SolverArgs {
 impl SolverArgs {
     /// Returns the request that the flags set.
     #[must_use]
-    pub fn request(&self) -> SolveRequest {
+    pub(crate) fn request(&self) -> SolveRequest {
         SolveRequest {
             solver: self.solver.clone(),
             settings: SolverSettings {
@@ -68,7 +68,7 @@ impl SolverArgs {
 
 /// `radiosity solve`.
 #[derive(Args, Debug)]
-pub struct SolveArgs {
+pub(crate) struct SolveArgs {
     /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,

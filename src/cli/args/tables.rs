@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 ///
 /// # Errors
 /// The fault of the list, and the remedy.
-pub fn parse_tables(list: &str, built: RangeInclusive<u8>) -> Result<Vec<u8>, String> {
+pub(crate) fn parse_tables(list: &str, built: RangeInclusive<u8>) -> Result<Vec<u8>, String> {
     let (least, most) = (built.start(), built.end());
     let mut tables = Vec::new();
     for part in list.split(',') {

@@ -12,7 +12,7 @@ use crate::workflow::{LinkPlace, SolveRequest, VoxelLight, VoxelRequest};
 
 /// Where links are between passes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum LinksName {
+pub(crate) enum LinksName {
     /// In memory where all together stays below --memory-limit, else on disk
     Auto,
     /// In memory
@@ -26,7 +26,7 @@ pub enum LinksName {
 /// `radiosity voxel`.
 #[derive(Args, Debug)]
 #[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
-pub struct VoxelArgs {
+pub(crate) struct VoxelArgs {
     /// The scene: OBJ, STL, PLY, gmsh, VTK, glTF or View3D input
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
@@ -100,7 +100,7 @@ pub struct VoxelArgs {
 impl VoxelArgs {
     /// Returns the request that the flags set; the output determines whether voxels are written and whether an image of the patches follows.
     #[must_use]
-    pub fn request(&self, is_written: bool, is_shown: bool) -> VoxelRequest {
+    pub(crate) fn request(&self, is_written: bool, is_shown: bool) -> VoxelRequest {
         VoxelRequest {
             n_voxels: self.voxels,
             radius: self.radius,
@@ -147,7 +147,7 @@ impl VoxelArgs {
 
     /// Returns the file of links on disk.
     #[must_use]
-    pub fn link_file(&self) -> PathBuf {
+    pub(crate) fn link_file(&self) -> PathBuf {
         let beside = || self.scene.with_extension("links");
         self.link_file.clone().unwrap_or_else(beside)
     }
@@ -156,7 +156,7 @@ impl VoxelArgs {
     ///
     /// # Errors
     /// Their fault, and the remedy.
-    pub fn expect_sensible(&self, is_image: bool) -> Result<(), &'static str> {
+    pub(crate) fn expect_sensible(&self, is_image: bool) -> Result<(), &'static str> {
         if !is_image && (self.show_voxels || self.image.is_given()) {
             return Err("a picture wants a file; add -o IMAGE.exr");
         }

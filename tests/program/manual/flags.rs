@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use clap::{Arg, Command, CommandFactory as _};
-use radiosity::cli::args::Cli;
+use clap::{Arg, Command};
+use radiosity::cli;
 
 use super::{cell, code, pages, read};
 
@@ -17,7 +17,7 @@ struct Row {
 
 /// Returns the page.
 pub(super) fn page() -> String {
-    let mut program = Cli::command();
+    let mut program = cli::command();
     program.build();
     let commands: Vec<&Command> = program
         .get_subcommands()
@@ -116,7 +116,7 @@ fn meaning(argument: &Arg) -> String {
 #[test]
 fn the_page_has_every_command_and_no_row_twice() {
     let page = page();
-    for command in Cli::command().get_subcommands() {
+    for command in cli::command().get_subcommands() {
         assert!(
             page.contains(&format!("| `radiosity {}", command.get_name())),
             "{}",
@@ -139,7 +139,7 @@ fn flags_in(text: &str) -> impl Iterator<Item = &str> {
 
 #[test]
 fn every_flag_that_a_page_names_exists() {
-    let mut program = Cli::command();
+    let mut program = cli::command();
     program.build();
     let known: Vec<String> = program
         .get_subcommands()

@@ -5,8 +5,8 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use clap::{Command, CommandFactory as _};
-use radiosity::cli::args::Cli;
+use clap::Command;
+use radiosity::cli;
 
 use super::{in_repository, pages, read};
 use crate::program::schema::SCHEMA;
@@ -118,7 +118,7 @@ fn every_name_is_where_the_page_says() {
         .filter_map(|own| own["properties"].as_object())
         .flat_map(serde_json::Map::keys)
         .collect();
-    let mut program = Cli::command();
+    let mut program = cli::command();
     program.build();
     let flags: Vec<String> = program
         .get_subcommands()
@@ -185,7 +185,7 @@ fn no_page_gives_a_quantity_another_unit() {
 #[ignore = "a list for people"]
 #[expect(clippy::print_stdout, reason = "the list")]
 fn list_vocabulary() {
-    let mut program = Cli::command();
+    let mut program = cli::command();
     program.build();
     let help: String = program
         .get_subcommands_mut()
