@@ -544,6 +544,12 @@ impl Thread {
         traffic.n_collective += 1;
         traffic.collective_byte += size_of_val(own) as u64;
         drop(traffic);
+        if all.is_empty() {
+            return all;
+        }
+        // The slice of no bytes that Rust makes has the address 1, which Open MPI takes for `MPI_IN_PLACE`.
+        let one = [all[0].clone()];
+        let own = if own.is_empty() { &one[..0] } else { own };
         let mut partition = PartitionMut::new(&mut all[..], lengths, starts);
         self.world.all_gather_varcount_into(own, &mut partition);
         all
