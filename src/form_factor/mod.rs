@@ -259,6 +259,11 @@ pub trait FormFactorMethod: Sync {
         0
     }
 
+    /// Returns how many matrices the method holds at most beside the one that it fills.
+    fn matrices_beside(&self) -> u32 {
+        0
+    }
+
     /// Computes all form factors of a mesh.
     ///
     /// The result depends on the input and the method's settings alone: equal settings give equal bytes at any number of threads.

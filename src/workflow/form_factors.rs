@@ -232,7 +232,7 @@ impl Model {
             by_rows: chosen.by_rows,
             repaired: matches!(kind, RepairKind::Closed | RepairKind::Rescaled),
             n_entries: chosen.n_entries.unwrap_or(u64::MAX),
-            n_beside: u32::from(kind == RepairKind::Pooled),
+            n_beside: u32::from(kind == RepairKind::Pooled).max(method.matrices_beside()),
             working_byte: working_byte + waiting_byte(n_patches, cx.ranks.size(), working_byte),
         };
         let place = storage::choose_storage(cx, self, matrix)?;

@@ -332,7 +332,7 @@ impl Batches<'_> {
         if progress.is_late() {
             return self.bounded(pair, most);
         }
-        let goal = method.tolerance * self.smaller_area([pair.i, pair.j]);
+        let goal = self.goal_of(method, [pair.i, pair.j]);
         let meeting = Meeting::of(index, ends, most.area, 1e-3 * goal);
         let [p, q] = meeting
             .as_ref()

@@ -18,7 +18,7 @@ use crate::form_factor::rounded::Rounded;
 use crate::form_factor::sight::whole_where_grazing;
 use crate::form_factor::{Before, Input, PairCounts};
 use crate::geometry::polygon_form_factor::exchange_area;
-use crate::matrix::Entry;
+use crate::matrix::{Entry, FormFactors};
 use crate::progress::Progress;
 use crate::scene::FaceId;
 use crate::threads;
@@ -38,6 +38,8 @@ pub(super) struct Batches<'a> {
     pub(super) rounded: Option<Rounded>,
     /// The rows from before a change.
     pub(super) before: Option<Before<'a>>,
+    /// What is to be computed more exactly than before.
+    pub(super) finer: Option<Finer<'a>>,
     /// The faces of the scene, in the order of `patches.faces`.
     pub(super) face_ids: Vec<FaceId>,
     pub(super) lattices: Vec<Option<Lattice>>,
@@ -51,6 +53,16 @@ pub(super) struct Batches<'a> {
     /// Where the next batch ends, if ranks share them.
     pub(super) end: Option<usize>,
     pub(super) journal: Journal<'a>,
+}
+
+/// The exchange areas of an earlier computation by the same method, and the errors that are allowed now.
+///
+/// Partial pairs whose error is allowed are taken over; all others are computed as if for the first time.
+#[derive(Clone, Copy)]
+pub(super) struct Finer<'a> {
+    pub(super) factors: &'a FormFactors,
+    /// For each patch, the error that its exchange areas may have, m²: of two patches, the smaller one holds. The method's tolerance holds as well.
+    pub(super) allowed: &'a [f64],
 }
 
 /// A later face that some patches of a face may see.
@@ -77,7 +89,7 @@ pub(super) struct Strip {
     /// The occluders of all partial pairs, one after the other.
     pub(super) occluders: Vec<OccluderId>,
     pub(super) counts: PairCounts,
-    /// The rows before a change; empty without one.
+    /// The rows before a change, or of a less exact computation; empty without one.
     pub(super) before: Vec<Vec<Entry>>,
 }
 
@@ -121,6 +133,7 @@ impl<'a> Batches<'a> {
             index,
             rounded: Rounded::new(input),
             before,
+            finer: None,
             face_ids: input
                 .mesh
                 .patches
@@ -138,8 +151,16 @@ impl<'a> Batches<'a> {
     }
 
     /// Returns the error that a pair may have, m².
-    pub(super) fn goal(&self, [i, j]: [usize; 2]) -> f64 {
-        self.method.tolerance * self.smaller_area([i, j])
+    pub(super) fn goal(&self, pair: [usize; 2]) -> f64 {
+        self.goal_of(self.method, pair)
+    }
+
+    /// Returns the error that a pair may have by a method that may differ from the one asked for, m².
+    pub(super) fn goal_of(&self, method: &ExactMethod, pair: [usize; 2]) -> f64 {
+        let goal = method.tolerance * self.smaller_area(pair);
+        self.finer.map_or(goal, |finer| {
+            pair.iter().fold(goal, |goal, &k| goal.min(finer.allowed[k]))
+        })
     }
 
     pub(super) fn smaller_area(&self, pair: [usize; 2]) -> f64 {
@@ -175,12 +196,14 @@ impl<'a> Batches<'a> {
         })
     }
 
-    /// Returns the rows of a run before a change.
+    /// Returns the rows of a run from before a change, or from a less exact computation.
     pub(super) fn rows_before(&self, rows: &Range<usize>) -> Vec<Vec<Entry>> {
-        self.before.map_or_else(Vec::new, |before| {
+        let of_change = self.before.map(|before| before.factors);
+        let known = of_change.or(self.finer.map(|finer| finer.factors));
+        known.map_or_else(Vec::new, |factors| {
             // Only symmetric storage is reused.
             rows.clone()
-                .map(|i| before.factors.exchange_row(i).unwrap_or_default())
+                .map(|i| factors.exchange_row(i).unwrap_or_default())
                 .collect()
         })
     }

@@ -11,7 +11,7 @@ use crate::mesh::PatchId;
 use crate::visibility::occluders::{OccluderId, OccluderIndex, PairVisibility};
 
 /// The relative rounding of errors that were stored in f32, at most.
-const STORED: f64 = 1e-6;
+pub(super) const STORED: f64 = 1e-6;
 
 /// The part of the tolerance below which the error of rounding is not refined.
 const NEGLIGIBLE: f64 = 1e-3;

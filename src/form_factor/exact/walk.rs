@@ -68,15 +68,20 @@ impl Walk<'_> {
 
     fn push_kept(&mut self, i: usize, j: usize) {
         self.strip.counts.kept += 1;
+        // An exchange area that is not stored was 0 for certain, and stays 0.
+        if let Some(before) = self.before(i, j) {
+            self.batches.count_kept([i, j], before, &mut self.strip.counts);
+            self.push(i, j, before);
+        }
+    }
+
+    /// Returns the stored exchange area of a pair from before.
+    fn before(&self, i: usize, j: usize) -> Option<Exchange> {
         let column = PatchId::from_index(j).0;
         let before = &self.strip.before[i - self.rows.patches.start];
-        // An exchange area that is not stored was 0 for certain, and stays 0.
-        if let Ok(place) = before.binary_search_by_key(&column, |entry| entry.0) {
-            let (_, area, error) = before[place];
-            self.batches
-                .count_kept([i, j], Exchange { area, error }, &mut self.strip.counts);
-            self.push(i, j, Exchange { area, error });
-        }
+        let place = before.binary_search_by_key(&column, |entry| entry.0).ok()?;
+        let (_, area, error) = before[place];
+        Some(Exchange { area, error })
     }
 
     fn each_facing_pair(&mut self, columns: &Run, mut act: impl FnMut(&mut Self, usize, usize)) {
@@ -144,6 +149,10 @@ impl Walk<'_> {
         match seen.visibility {
             PairVisibility::Full => self.push_full(i, j, seen.touched || touched),
             PairVisibility::None => self.push_hidden(i, j, seen.touched),
+            PairVisibility::Partial(_) if self.is_exact_enough(i, j) => {
+                self.strip.counts.partial += 1;
+                self.push(i, j, self.before(i, j).unwrap_or_default());
+            }
             PairVisibility::Partial(occluders) => {
                 self.strip.counts.partial += 1;
                 let (begin, place) = (self.strip.occluders.len(), self.row(i).len());
@@ -158,6 +167,14 @@ impl Walk<'_> {
                 self.push(i, j, Exchange::default());
             }
         }
+    }
+
+    /// Returns whether a less exact computation was exact enough for a pair. What it did not store was 0 for certain.
+    fn is_exact_enough(&self, i: usize, j: usize) -> bool {
+        self.batches.finer.is_some()
+            && self
+                .before(i, j)
+                .is_none_or(|before| before.error <= self.batches.goal([i, j]))
     }
 
     fn row(&mut self, i: usize) -> &mut Vec<(u32, f64, f64)> {

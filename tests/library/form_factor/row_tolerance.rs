@@ -30,6 +30,35 @@ fn rows_are_within_their_tolerance() {
     }
 }
 
+/// Only pairs that put a row above the tolerance are computed again.
+#[test]
+fn only_pairs_of_rows_above_the_tolerance_are_computed_again() {
+    let prepared = Prepared::new(builtin::build("room-box", None).unwrap().scene, 4);
+    let tolerance = 1e-4;
+    let once = prepared
+        .try_compute(&ExactMethod {
+            tolerance,
+            ..ExactMethod::default()
+        })
+        .unwrap();
+    let settings = MethodSettings::default().with(&ROW_TOLERANCE, tolerance);
+    let rows = prepared.try_compute(&*method("exact", &settings).unwrap()).unwrap();
+    let above = worst_row(&once.factors);
+    assert!(above > tolerance, "{above:e}: nothing is left to do");
+    let [first, all] = [&once, &rows].map(|computed| computed.pairs.unwrap());
+    let n_again = all.clipped + all.by_rays - first.clipped - first.by_rays;
+    assert_eq!(all.partial, first.partial);
+    assert!((1..first.partial).contains(&n_again), "{n_again} of {}", first.partial);
+    // An entry that was computed once is the same to the last bit.
+    let n = once.factors.n_rows();
+    let of_both = |i: usize, j: usize| [&once, &rows].map(|computed| computed.factors.get(i, j).to_bits());
+    let n_changed = (0..n)
+        .flat_map(|i| (i + 1..n).map(move |j| of_both(i, j)))
+        .filter(|[a, b]| a != b)
+        .count();
+    assert!(n_changed as u64 <= n_again, "{n_changed} of {n_again}");
+}
+
 /// A tolerance above all that most pairs exchange: errors of entries do not fall with it at once.
 #[test]
 fn loose_tolerances_of_rows_of_small_patches_are_met() {
