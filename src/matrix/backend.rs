@@ -9,11 +9,6 @@ use super::error::{DiskError, MatrixError};
 use super::operator::Block;
 use super::tile::{Entry, index};
 
-/// Returns the part of `n` items that belongs to rank `rank` of `n_ranks`.
-pub(in crate::matrix) fn share_of(n: usize, rank: usize, n_ranks: usize) -> Range<usize> {
-    n * rank / n_ranks..n * (rank + 1) / n_ranks
-}
-
 /// A stored n by n matrix F, of any layout, precision and place.
 ///
 /// F_ij is the number stored for (i, j), times f_i where there are [`row_factors`](Self::row_factors). Products are
@@ -24,12 +19,6 @@ pub(in crate::matrix) trait Backend: Debug + Send + Sync {
 
     /// Computes y = F x.
     fn apply(&self, x: &Block, y: &mut Block);
-
-    /// Computes the share of a pass of rank `rank` of `n_ranks`, and returns numbers for [`end_pass`](Self::end_pass).
-    fn share_of_pass(&self, x: &Block, rank: usize, n_ranks: usize) -> Vec<f64>;
-
-    /// Sets y to F x, to the bytes of [`apply`](Self::apply), from the results of [`share_of_pass`](Self::share_of_pass) on each rank, one after the other.
-    fn end_pass(&self, shares: &[f64], y: &mut Block);
 
     /// Returns the bytes that a pass reads.
     fn pass_byte(&self) -> usize;

@@ -78,16 +78,27 @@ impl FormFactors {
         Ok(Self::of(areas, rows.finish(), tallies, storage))
     }
 
-    /// Stores this rank's rows, of several ranks, in memory. Collective.
-    pub(super) fn from_own_tiles(
+    /// Stores this rank's rows, of several ranks: `give` adds blocks of [`SIDE`] rows in order. Collective.
+    pub(super) fn from_own_rows(
         areas: Vec<f64>,
         tallies: Vec<RowTally>,
-        tiles: impl IntoIterator<Item = RowTile>,
         storage: StorageChoice<'_>,
+        give: impl FnOnce(&mut dyn FnMut(&RowTile) -> Result<(), MatrixError>) -> Result<(), MatrixError>,
     ) -> Result<Self, MatrixError> {
-        let mut rows = Rows::new(areas.len(), storage);
-        tiles.into_iter().try_for_each(|tile| rows.push(&tile))?;
-        Ok(Self::of(areas, rows.finish(), tallies, storage))
+        let n = areas.len();
+        let entries = match storage.place {
+            Place::Memory { .. } => {
+                let mut rows = Rows::new(n, storage);
+                give(&mut |tile| rows.push(tile))?;
+                rows.finish()
+            }
+            Place::Disk(scratch) => {
+                let mut file = disk::fill(n, storage, scratch)?;
+                give(&mut |tile| file.push(tile))?;
+                file.finish()
+            }
+        };
+        Ok(Self::of(areas, entries, tallies, storage))
     }
 
     fn to_disk(
@@ -99,18 +110,18 @@ impl FormFactors {
         let n = areas.len();
         let mut rows = Regrouped::new(tiles.into_iter());
         let mut tallies = Vec::with_capacity(n);
-        let blocks = block_rows(n).map(|range| {
+        let mut file = disk::fill(n, storage, scratch)?;
+        for range in block_rows(n) {
             let mut block = RowTile::new(range.start);
             for _ in range {
                 let (tile, k) = rows.next_row(n)?;
                 block.push_row(tile.row(k), tile.tallies()[k]);
                 tallies.push(tile.tallies()[k]);
             }
-            Ok::<_, MatrixError>(block)
-        });
-        let entries = disk::from_rows(n, storage, scratch, blocks)?;
+            file.push(&block)?;
+        }
         rows.expect_end(n)?;
-        Ok(Self::of(areas, entries, tallies, storage))
+        Ok(Self::of(areas, file.finish(), tallies, storage))
     }
 
     /// Stores form factors that are symmetric as exchange areas, from those on and above the diagonal.
@@ -194,7 +205,7 @@ impl FormFactors {
     /// Returns the first failure to read entries from a disk, or `None`: then all numbers that were returned are right.
     #[must_use]
     pub fn failure(&self) -> Option<&DiskError> {
-        self.entries.failure()
+        self.entries.failure().or_else(|| self.by_rows().failure())
     }
 
     /// Returns `value`, unless entries that it may rest on could not be read.

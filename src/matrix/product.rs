@@ -6,9 +6,6 @@ use super::form_factors::FormFactors;
 use super::operator::{Block, Components, LinearOperator, RowAccess};
 use crate::threads;
 
-/// The bytes of a matrix from which on ranks share a pass: below, a pass takes no longer than the messages.
-const SHARED_BYTE: usize = 32 << 20;
-
 /// Applies F: y_ic = Σ_j F_ij x_jc.
 ///
 /// Rows, and tiles of a symmetric matrix, are shared out to threads, and sums are taken in a fixed order: the
@@ -30,15 +27,7 @@ impl LinearOperator for FormFactors {
             y.n_rows() == self.n_rows() && y.n_channels() == x.n_channels(),
             "y has the shape of x"
         );
-        match &self.together {
-            // Where each rank stores a part, `apply` itself is collective.
-            Some(together) if self.entries.held_rows().is_none() && self.entries.pass_byte() >= SHARED_BYTE => {
-                let ranks = &together.ranks;
-                let share = self.entries.share_of_pass(x, ranks.rank(), ranks.size());
-                self.entries.end_pass(&ranks.all_gather_numbers(&share), y);
-            }
-            _ => self.entries.apply(x, y),
-        }
+        self.entries.apply(x, y);
     }
 
     /// Returns access by rows; gathers them where ranks store parts.

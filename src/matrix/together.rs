@@ -5,21 +5,86 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use super::backend::{Backend, share_of};
+use super::backend::Backend;
+use super::choice::StorageChoice;
 use super::form_factors::FormFactors;
 use super::kernel::sizes::{SIDE, block_rows};
+use super::operator::Block;
 use super::tile::{Entry, RowTally, RowTile, index};
 use crate::ranks::Ranks;
 use crate::threads;
 
 /// Returns the blocks of rows that are rank `rank`'s of `n_ranks`, of an n by n matrix.
 pub(in crate::matrix) fn blocks_of(n: usize, rank: usize, n_ranks: usize) -> Range<usize> {
-    share_of(block_rows(n).len(), rank, n_ranks)
+    let n_blocks = block_rows(n).len();
+    n_blocks * rank / n_ranks..n_blocks * (rank + 1) / n_ranks
 }
 
 /// Returns the rows of some blocks.
 pub(in crate::matrix) fn rows_of(n: usize, blocks: &Range<usize>) -> Range<usize> {
     (blocks.start * SIDE).min(n)..(blocks.end * SIDE).min(n)
+}
+
+/// The rows of a rank of several, and what all of them store.
+#[derive(Clone, Debug)]
+pub(in crate::matrix) struct Share {
+    /// The blocks of rows that are this rank's.
+    pub(in crate::matrix) blocks: Range<usize>,
+    /// The rows of these.
+    pub(in crate::matrix) rows: Range<usize>,
+    pub(in crate::matrix) ranks: Arc<dyn Ranks>,
+    /// The bytes that a pass reads, the numbers that are not zero, and the stored bytes of all ranks together, once they are known.
+    pub(in crate::matrix) of_all: Option<[usize; 3]>,
+}
+
+impl Share {
+    /// Returns the rows of an n by n matrix that are this rank's; `None` for a process alone.
+    pub(in crate::matrix) fn of(n: usize, choice: StorageChoice<'_>) -> Option<Self> {
+        let ranks = choice.ranks?.0;
+        let blocks = blocks_of(n, ranks.rank(), ranks.size());
+        Some(Self {
+            rows: rows_of(n, &blocks),
+            blocks,
+            ranks: Arc::clone(ranks),
+            of_all: None,
+        })
+    }
+
+    /// Adds up what the ranks store. Collective.
+    pub(in crate::matrix) fn add_up(&mut self, own: [usize; 3]) -> [usize; 3] {
+        let of_ranks = self
+            .ranks
+            .all_gather(own.map(|count| (count as u64).to_le_bytes()).as_flattened());
+        let of_all = of_ranks.iter().fold([0; 3], |mut sums: [usize; 3], bytes| {
+            for (sum, count) in sums.iter_mut().zip(bytes.as_chunks().0) {
+                *sum = sum.saturating_add(usize::try_from(u64::from_le_bytes(*count)).unwrap_or(usize::MAX));
+            }
+            sums
+        });
+        self.of_all = Some(of_all);
+        of_all
+    }
+
+    /// Fills in the rows of other ranks. Collective.
+    pub(in crate::matrix) fn complete(&self, y: &mut Block) {
+        let n_channels = y.n_channels();
+        let own = self.rows.start * n_channels..self.rows.end * n_channels;
+        let all = self.ranks.all_gather_numbers(&y.values()[own]);
+        y.values_mut().copy_from_slice(&all);
+    }
+
+    /// Calls `act` with the rows of blocks of all ranks, some of each rank at a time: `sent` yields this rank's. Collective.
+    pub(in crate::matrix) fn exchange(&self, sent: impl Iterator<Item = RowTile>, mut act: impl FnMut(Vec<RowTile>)) {
+        let mut sent = sent;
+        loop {
+            let own = sent.next().map_or_else(Vec::new, |tile| encode(&tile));
+            let came = self.ranks.all_gather(&own);
+            if came.iter().all(Vec::is_empty) {
+                return;
+            }
+            act(threads::collect_flat(came.len(), |rank| decode(&came[rank])));
+        }
+    }
 }
 
 /// The ranks of form factors, and the rows of others that this one has.
@@ -69,17 +134,6 @@ impl Together {
         came.push_back(Arc::clone(&tile));
         tile
     }
-}
-
-/// Returns the sums of the counts of all ranks. Collective.
-pub(in crate::matrix) fn sums_of_ranks<const N: usize>(ranks: &dyn Ranks, own: [usize; N]) -> [usize; N] {
-    let of_ranks = ranks.all_gather(own.map(|count| (count as u64).to_le_bytes()).as_flattened());
-    of_ranks.iter().fold([0; N], |mut sums: [usize; N], bytes| {
-        for (sum, count) in sums.iter_mut().zip(bytes.as_chunks().0) {
-            *sum = sum.saturating_add(usize::try_from(u64::from_le_bytes(*count)).unwrap_or(usize::MAX));
-        }
-        sums
-    })
 }
 
 /// Returns the bytes of rows.

@@ -359,21 +359,22 @@ fn estimate(demand: &StorageDemand, layout: Layout, precision: Precision, on_dis
     }
     let n_beside = f64::from(demand.n_beside);
     let slot = 40.0;
-    let matrix = if on_disk {
-        slot * n_tiles * (n_rows + n_beside + 0.5 * n_upper)
+    // On a disk, the places of the tiles are in memory.
+    let (rows, upper) = if on_disk {
+        (slot * n_tiles, 0.5 * slot * n_tiles)
     } else {
-        let gathered = match demand.gathered_for() {
-            None => 0.0,
-            Some(_) if n_upper > 0.0 => upper,
-            Some(_) => rows,
-        };
-        (n_rows * demand.row_share() + n_beside) * rows
-            + n_upper * demand.rank_share() * upper
-            + gathered
-            + 112.0 * n_tiles
+        (rows, upper)
     };
+    let gathered = match demand.gathered_for() {
+        None => 0.0,
+        Some(_) if n_upper > 0.0 => upper,
+        Some(_) => rows,
+    };
+    let headers = if on_disk { 0.0 } else { 112.0 * n_tiles };
+    let matrix =
+        (n_rows * demand.row_share() + n_beside) * rows + n_upper * demand.rank_share() * upper + gathered + headers;
     // Columns that ranks send one another, once as received and once decoded.
-    let sent = if demand.by_rows && demand.n_ranks > 1 && !on_disk {
+    let sent = if demand.by_rows && demand.n_ranks > 1 {
         2.0 * ENTRY_BYTE * ENTRIES_AT_ONCE.max(SIDE * n * density)
     } else {
         0.0

@@ -196,21 +196,25 @@ pub fn choose_storage(cx: &Context, model: &mut Model, matrix: MatrixDemand) -> 
     model.plan.decide("form factors", choice, reason);
     if cx.ranks.size() > 1 {
         let rest_byte = memory.total_byte() - memory.matrix_byte;
-        let (on_disk, gathers) = (chosen.plan.on_disk, demand.rows_for.is_some());
+        let gathers = demand.rows_for.is_some();
         let parts = match (demand.by_rows, gathers) {
-            _ if on_disk => "each has all form factors in a scratch file of its own, and",
             (true, false) => "each stores its rows;",
             (true, true) => "each stores its rows, and gathers all for the solver;",
             (false, false) => "each stores the tiles that its rows need;",
             (false, true) => "each stores the tiles that its rows need, and gathers all for the solver;",
         };
-        let (share, of) = match demand.by_rows {
-            _ if on_disk => (1.0, "form factors"),
-            true => (demand.row_share(), "the rows"),
-            false => (demand.rank_share(), "exchange areas"),
+        let (share, of) = if demand.by_rows {
+            (demand.row_share(), "the rows")
+        } else {
+            (demand.rank_share(), "exchange areas")
+        };
+        let what = if chosen.plan.on_disk {
+            "to find them in its scratch file"
+        } else {
+            "of form factors on each"
         };
         let why = format!(
-            "work is shared; {parts} {} of form factors on each, {:.0} % of {of}; whole on each are scene, trees and vectors: {}",
+            "work is shared; {parts} {} {what}, {:.0} % of {of}; whole on each are scene, trees and vectors: {}",
             byte_text(memory.matrix_byte),
             100.0 * share,
             byte_text(rest_byte)

@@ -5,52 +5,51 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::tile_file::{Band, Part, TileFile, visit_nothing_known};
-use crate::matrix::backend::{Backend, share_of};
-use crate::matrix::choice::{Place, Precision, Scratch, StorageChoice};
+use crate::matrix::backend::Backend;
+use crate::matrix::choice::{Layout, Place, Precision, Scratch, StorageChoice};
 use crate::matrix::error::{DiskError, MatrixError};
 use crate::matrix::kernel::scalar::{Scalar, rounded};
 use crate::matrix::kernel::sizes::{SIDE, block_rows, for_each_block};
 use crate::matrix::operator::Block;
 use crate::matrix::square::{Placed, Square};
 use crate::matrix::tile::{Entry, RowTile, index, is_zero};
+use crate::matrix::together::{Share, rows_of, stored_rows};
 use crate::threads;
 
-/// F_ij on a disk, in full rows of tiles.
+/// F_ij on a disk, in full rows of tiles: all of them, or those of this rank.
 #[derive(Debug)]
-pub(super) struct Grid<T>(pub(super) TileFile<T>);
+pub(super) struct Grid<T> {
+    file: TileFile<T>,
+    layout: Layout,
+    share: Option<Share>,
+}
 
-/// Stores an n by n matrix on a disk, of which `rows` yields tiles of [`SIDE`] rows in order (the last may have fewer).
-///
-/// `E` is the error of the iterator.
-pub(in crate::matrix) fn from_rows<E: From<MatrixError>>(
+/// A matrix on a disk whose rows come in order.
+pub(in crate::matrix) trait Filling {
+    /// Stores [`SIDE`] rows, the last ones of the matrix maybe fewer, if they are this rank's.
+    fn push(&mut self, tile: &RowTile) -> Result<(), MatrixError>;
+
+    /// Ends the matrix. Collective where ranks store parts.
+    fn finish(self: Box<Self>) -> Arc<dyn Backend>;
+}
+
+/// Makes a scratch file for an n by n matrix.
+pub(in crate::matrix) fn fill(
     n: usize,
     choice: StorageChoice<'_>,
     scratch: Scratch<'_>,
-    rows: impl Iterator<Item = Result<RowTile, E>>,
-) -> Result<Arc<dyn Backend>, E> {
-    fn build<T: Scalar, E: From<MatrixError>>(
-        n: usize,
-        choice: StorageChoice<'_>,
-        scratch: Scratch<'_>,
-        rows: impl Iterator<Item = Result<RowTile, E>>,
-    ) -> Result<Arc<dyn Backend>, E> {
-        let mut file = TileFile::<T>::create(n, false, scratch).map_err(MatrixError::from)?;
-        for tile in rows {
-            file.push_row(&squares(&tile?, n, choice)?).map_err(MatrixError::from)?;
-        }
-        Ok(Arc::new(Grid(file)))
-    }
-    match choice.precision {
-        Precision::F64 => build::<f64, E>(n, choice, scratch, rows),
-        Precision::F32 => build::<f32, E>(n, choice, scratch, rows),
-    }
+) -> Result<Box<dyn Filling>, DiskError> {
+    Ok(match choice.precision {
+        Precision::F64 => Box::new(Grid::<f64>::new(n, choice, scratch)?),
+        Precision::F32 => Box::new(Grid::<f32>::new(n, choice, scratch)?),
+    })
 }
 
 /// Cuts full rows into square tiles.
 pub(in crate::matrix) fn squares<T: Scalar>(
     tile: &RowTile,
     n: usize,
-    choice: StorageChoice<'_>,
+    layout: Layout,
 ) -> Result<Vec<Square<T>>, MatrixError> {
     let rows = tile.first_row()..tile.first_row() + tile.n_rows();
     let mut tiles: Vec<Vec<Placed<T>>> = vec![Vec::new(); n.div_ceil(SIDE)];
@@ -64,49 +63,67 @@ pub(in crate::matrix) fn squares<T: Scalar>(
         }
     }
     let square =
-        |(k, entries): (usize, &Vec<_>)| Square::new(entries, &rows, &(k * SIDE..n.min((k + 1) * SIDE)), choice.layout);
+        |(k, entries): (usize, &Vec<_>)| Square::new(entries, &rows, &(k * SIDE..n.min((k + 1) * SIDE)), layout);
     Ok(tiles.iter().enumerate().map(square).collect())
 }
 
 impl<T: Scalar> Grid<T> {
-    /// Sets `y` to the products of some rows of tiles, from the one `first` on, with x.
-    fn apply_from(&self, first: usize, x: &Block, y: &mut [f64]) {
-        let n_channels = x.n_channels();
-        let n_terms = x.n_rows() * x.n_rows() * n_channels;
-        let blocks: Vec<(usize, &mut [f64])> = y.chunks_mut(SIDE * n_channels).enumerate().collect();
-        threads::for_each(threads::pay(n_terms), blocks, |(k, sums)| {
-            let own = first + k;
-            sums.fill(0.0);
-            let result = self.0.for_each_tile(own, Part::Numbers, |block, tile| {
-                let x_from = &x.values()[block * SIDE * n_channels..];
-                for (row, sum) in sums.chunks_exact_mut(n_channels).enumerate() {
-                    tile.add_row(row, None, 1.0, x_from, sum);
-                }
-            });
-            if self.0.note(result).is_none() {
-                sums.fill(f64::NAN);
-            }
-        });
+    pub(super) fn new(n: usize, choice: StorageChoice<'_>, scratch: Scratch<'_>) -> Result<Self, DiskError> {
+        Ok(Self {
+            file: TileFile::create(n, scratch)?,
+            layout: choice.layout,
+            share: Share::of(n, choice),
+        })
+    }
+
+    #[cfg(all(test, unix))]
+    pub(super) fn file(&self) -> &std::fs::File {
+        self.file.file()
+    }
+
+    /// Returns the blocks of rows that are stored here.
+    fn blocks(&self) -> Range<usize> {
+        let all = || 0..block_rows(self.file.n()).len();
+        self.share.as_ref().map_or_else(all, |share| share.blocks.clone())
+    }
+
+    fn of_all(&self) -> Option<[usize; 3]> {
+        self.share.as_ref()?.of_all
+    }
+}
+
+impl<T: Scalar> Filling for Grid<T> {
+    fn push(&mut self, tile: &RowTile) -> Result<(), MatrixError> {
+        let block = tile.first_row() / SIDE;
+        if self.blocks().contains(&block) {
+            let squares = squares(tile, self.file.n(), self.layout)?;
+            self.file.put_row(block, 0, &squares)?;
+        }
+        Ok(())
+    }
+
+    fn finish(mut self: Box<Self>) -> Arc<dyn Backend> {
+        let own = [self.pass_byte(), self.n_nonzero(), self.stored_byte()];
+        if let Some(share) = &mut self.share {
+            share.add_up(own);
+        }
+        Arc::from(self as Box<dyn Backend>)
     }
 }
 
 impl<T: Scalar> Backend for Grid<T> {
     fn for_each(&self, i: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
         let (own, row) = (i / SIDE, i % SIDE);
-        // A single block is not worth a band.
-        let single = (columns.len() == 1).then_some(columns.start / SIDE);
-        let first_block = single.unwrap_or(0);
-        let mut work = |tiles: &[Square<T>]| {
+        let only = (columns.len() == 1).then_some(columns.start / SIDE);
+        let read = self.file.with_band(Band::Row(own), only, Part::All, |tile| {
             for_each_block(columns.clone(), |first, part, block| {
                 let shifted = &mut |k, value, std_error| visit(first + k, value, std_error);
-                tiles[block - first_block].for_each_in_row(row, part, shifted);
+                if let Some(tile) = tile(block) {
+                    tile.for_each_in_row(row, part, shifted);
+                }
             });
-        };
-        let result = match single {
-            Some(block) => self.0.read(own, block..block + 1, Part::All).map(|tiles| work(&tiles)),
-            None => self.0.with_band(Band::Row(own), Part::All, |tiles| work(tiles)),
-        };
-        if self.0.note(result).is_none() {
+        });
+        if self.file.note(read).is_none() {
             visit_nothing_known(columns, visit);
         }
     }
@@ -116,13 +133,15 @@ impl<T: Scalar> Backend for Grid<T> {
             let (own, column) = (j / SIDE, j % SIDE);
             let mut list = Vec::new();
             let mut push = |i, value, std_error| list.push((index(i), value, std_error));
-            let result = self.0.with_band(Band::Column(own), Part::All, |tiles| {
+            let read = self.file.with_band(Band::Column(own), None, Part::All, |tile| {
                 for_each_block(rows.clone(), |first, part, block| {
                     let shifted = &mut |k, value, std_error| push(first + k, value, std_error);
-                    tiles[block].for_each_in_column(column, part, shifted);
+                    if let Some(tile) = tile(block) {
+                        tile.for_each_in_column(column, part, shifted);
+                    }
                 });
             });
-            if self.0.note(result).is_none() {
+            if self.file.note(read).is_none() {
                 visit_nothing_known(rows.clone(), &mut push);
             }
             list
@@ -132,35 +151,43 @@ impl<T: Scalar> Backend for Grid<T> {
 
     fn dot_off_diagonal(&self, i: usize, x: &Block, sum: &mut [f64]) -> f64 {
         let (own, row) = (i / SIDE, i % SIDE);
-        let result = self.0.with_band(Band::Row(own), Part::Numbers, |tiles| {
+        let result = self.file.with_band(Band::Row(own), None, Part::Numbers, |tile| {
             let mut diagonal = 0.0;
-            for (block, tile) in tiles.iter().enumerate() {
+            for block in 0..block_rows(x.n_rows()).len() {
+                let Some(tile) = tile(block) else { continue };
                 let x_from = &x.values()[block * SIDE * x.n_channels()..];
                 let except = (block == own).then_some(row);
                 diagonal += tile.add_row(row, except, 1.0, x_from, sum);
             }
             diagonal
         });
-        self.0.note(result).unwrap_or_else(|| {
+        self.file.note(result).unwrap_or_else(|| {
             sum.fill(f64::NAN);
             f64::NAN
         })
     }
 
     fn apply(&self, x: &Block, y: &mut Block) {
-        self.apply_from(0, x, y.values_mut());
-    }
-
-    fn share_of_pass(&self, x: &Block, rank: usize, n_ranks: usize) -> Vec<f64> {
-        let (n, blocks) = (x.n_rows(), share_of(block_rows(x.n_rows()).len(), rank, n_ranks));
-        let n_own = n.min(blocks.end * SIDE) - n.min(blocks.start * SIDE);
-        let mut sums = vec![0.0; n_own * x.n_channels()];
-        self.apply_from(blocks.start, x, &mut sums);
-        sums
-    }
-
-    fn end_pass(&self, shares: &[f64], y: &mut Block) {
-        y.values_mut().copy_from_slice(shares);
+        let n_channels = x.n_channels();
+        let n_terms = x.n_rows() * x.n_rows() * n_channels;
+        let all = y.values_mut().chunks_mut(SIDE * n_channels).enumerate();
+        let own = self.blocks();
+        let blocks: Vec<(usize, &mut [f64])> = all.skip(own.start).take(own.len()).collect();
+        threads::for_each(threads::pay(n_terms), blocks, |(block, sums)| {
+            sums.fill(0.0);
+            let read = self.file.for_each_tile(block, Part::Numbers, |column, tile| {
+                let x_from = &x.values()[column * SIDE * n_channels..];
+                for (row, sum) in sums.chunks_exact_mut(n_channels).enumerate() {
+                    tile.add_row(row, None, 1.0, x_from, sum);
+                }
+            });
+            if self.file.note(read).is_none() {
+                sums.fill(f64::NAN);
+            }
+        });
+        if let Some(share) = &self.share {
+            share.complete(y);
+        }
     }
 
     fn pass_byte(&self) -> usize {
@@ -168,18 +195,47 @@ impl<T: Scalar> Backend for Grid<T> {
     }
 
     fn n_nonzero(&self) -> usize {
-        self.0.n_nonzero()
+        let own = || self.file.n_nonzero(self.blocks()).iter().sum();
+        self.of_all().map_or_else(own, |of_all| of_all[1])
     }
 
     fn stored_byte(&self) -> usize {
-        usize::try_from(self.0.n_byte()).unwrap_or(usize::MAX)
+        let own = || self.file.n_byte(self.blocks());
+        self.of_all().map_or_else(own, |of_all| of_all[2])
+    }
+
+    fn held_rows(&self) -> Option<Range<usize>> {
+        self.share.as_ref().map(|share| share.rows.clone())
+    }
+
+    fn whole(&self) -> Option<Arc<dyn Backend>> {
+        let share = self.share.as_ref()?;
+        let n = self.file.n();
+        let mut file = self.file.beside(share.blocks.clone());
+        let blocks = share.blocks.clone();
+        let sent = blocks.map(|block| stored_rows(self, rows_of(n, &(block..block + 1)), |_| 0..n));
+        share.exchange(sent, |came| {
+            let made = threads::collect_from(&came, |tile| squares::<T>(tile, n, self.layout));
+            for (tile, squares) in came.iter().zip(made) {
+                let block = tile.first_row() / SIDE;
+                if !share.blocks.contains(&block) {
+                    let written = file.put_row(block, 0, &squares.expect("what was stored is stored again"));
+                    file.note(written);
+                }
+            }
+        });
+        Some(Arc::new(Self {
+            file,
+            layout: self.layout,
+            share: None,
+        }))
     }
 
     fn place(&self) -> Place<'_> {
-        self.0.place()
+        Place::Disk(self.file.scratch())
     }
 
     fn failure(&self) -> Option<&DiskError> {
-        self.0.failure()
+        self.file.failure()
     }
 }

@@ -9,5 +9,5 @@ mod grid;
 mod tests;
 mod tile_file;
 
-pub(super) use grid::from_rows;
+pub(super) use grid::fill;
 pub(super) use tile_file::{Band, Part, TileFile, visit_nothing_known};

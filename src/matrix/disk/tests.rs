@@ -4,6 +4,7 @@
 
 use std::os::unix::fs::FileExt as _;
 
+use super::grid::Filling as _;
 use super::*;
 use crate::matrix::backend::Backend;
 use crate::matrix::choice::{Layout, Place, Scratch, StorageChoice};
@@ -19,7 +20,7 @@ fn file(layout: Layout) -> TileFile<f64> {
         directory: &std::env::temp_dir(),
         memory_byte: 1 << 20,
     };
-    let mut file = TileFile::create(n, true, scratch).unwrap();
+    let mut file = TileFile::create(n, scratch).unwrap();
     for rows in [0..SIDE, SIDE..n] {
         let mut tile = RowTile::new(rows.start);
         for i in rows {
@@ -29,10 +30,9 @@ fn file(layout: Layout) -> TileFile<f64> {
                 .collect();
             tile.push_row(&entries, RowTally::default());
         }
-        let squares =
-            crate::matrix::symmetric::row_of_tiles(&tile, n, layout, tile.first_row() / SIDE..n.div_ceil(SIDE))
-                .unwrap();
-        file.push_row(&squares).unwrap();
+        let row = tile.first_row() / SIDE;
+        let squares = crate::matrix::symmetric::row_of_tiles(&tile, n, layout, row..n.div_ceil(SIDE)).unwrap();
+        file.put_row(row, row, &squares).unwrap();
     }
     file
 }
@@ -51,7 +51,7 @@ fn damage_to_any_byte_is_noticed() {
         read_all().unwrap();
         // Every byte of the sparse file; of the dense one a prime step meets all kinds of bytes.
         let step = if layout == Layout::Dense { 7 } else { 1 };
-        for at in (0..file.n_byte()).step_by(step) {
+        for at in (0..file.n_byte(0..2) as u64).step_by(step) {
             let mut byte = [0];
             file.file().read_exact_at(&mut byte, at).unwrap();
             file.file().write_all_at(&[byte[0] ^ 0x10], at).unwrap();
@@ -67,7 +67,7 @@ fn damage_to_any_byte_is_noticed() {
 #[test]
 fn a_file_that_ends_too_soon_is_noticed() {
     let file = file(Layout::Auto);
-    file.file().set_len(file.n_byte() - 1).unwrap();
+    file.file().set_len(file.n_byte(0..2) as u64 - 1).unwrap();
     let error = file.read(1, 1..2, Part::All).unwrap_err();
     assert!(matches!(error, DiskError::Unreadable { .. }), "{error}");
 }
@@ -90,14 +90,13 @@ fn a_failure_spoils_what_rests_on_it_and_is_kept() {
         place: Place::Disk(scratch),
         ..StorageChoice::default()
     };
-    let mut file = TileFile::<f64>::create(n, false, scratch).unwrap();
+    let mut general = grid::Grid::<f64>::new(n, choice, scratch).unwrap();
     for rows in [0..SIDE, SIDE..n] {
         let mut block = RowTile::new(rows.start);
         rows.for_each(|i| block.push_row(tile.row(i), RowTally::default()));
-        file.push_row(&grid::squares(&block, n, choice).unwrap()).unwrap();
+        general.push(&block).unwrap();
     }
-    file.file().write_all_at(&[0xFF; 8], 0).unwrap();
-    let general = grid::Grid(file);
+    general.file().write_all_at(&[0xFF; 8], 0).unwrap();
     let x = Block::from_values(vec![1.0; n], 1);
     let mut y = Block::zeros(n, 1);
     assert!(general.failure().is_none());

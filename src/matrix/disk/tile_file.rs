@@ -4,9 +4,9 @@ use std::fs::File;
 use std::io;
 use std::ops::Range;
 use std::path::PathBuf;
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use crate::matrix::choice::{Place, Scratch};
+use crate::matrix::choice::Scratch;
 use crate::matrix::error::DiskError;
 use crate::matrix::kernel::scalar::Scalar;
 use crate::matrix::kernel::sizes::SIDE;
@@ -15,22 +15,32 @@ use crate::matrix::square::{Form, Square};
 /// Bytes that are written or read at once: enough to hide the call, and few enough to stay in the second-level cache.
 const STRIP_BYTE: u64 = 1 << 20;
 
-/// Square tiles in rows: all of them, or those on and above the diagonal.
+/// Where a tile that could not be written is not found.
+const NOWHERE: u64 = u64::MAX >> 1;
+
+/// Square tiles in rows: all of them, those on and above the diagonal, or a part of either.
 #[derive(Debug)]
 pub(in crate::matrix) struct TileFile<T> {
     n: usize,
-    /// True if the row of tiles I begins with the tile (I, I).
-    triangle: bool,
-    file: File,
+    file: Arc<File>,
     directory: PathBuf,
     waiting_byte: u64,
-    /// The properties of the tiles, row by row.
-    rows: Vec<Vec<Slot>>,
+    rows: Vec<TileRow>,
     n_byte: u64,
-    n_nonzero: usize,
     /// The first failure.
     failure: OnceLock<DiskError>,
     bands: Bands<T>,
+}
+
+/// A row of tiles: those of consecutive columns.
+#[derive(Clone, Debug, Default)]
+struct TileRow {
+    /// The column of its first tile.
+    first: usize,
+    slots: Vec<Slot>,
+    n_byte: u64,
+    /// The numbers that are not zero of the first tile, and of the others.
+    n_nonzero: [usize; 2],
 }
 
 /// The position of a tile in the file, and the form and checksum of its bytes.
@@ -51,7 +61,7 @@ pub(in crate::matrix) enum Part {
     All,
 }
 
-/// A band of tiles: those that hold the rows, or the columns, 64 K to 64 K + 63.
+/// A band of tiles, as far as they are stored: those that hold the rows, or the columns, 64 K to 64 K + 63.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::matrix) enum Band {
     /// Of a triangle: the tiles (0, K) to (K, K), then (K, K + 1) to the end. By symmetry they hold the rows.
@@ -60,6 +70,17 @@ pub(in crate::matrix) enum Band {
     Row(usize),
     /// The tiles (0, K) to the end.
     Column(usize),
+}
+
+impl Band {
+    /// Returns the row and the column of a tile of the band.
+    fn place(self, block: usize) -> (usize, usize) {
+        match self {
+            Self::Cross(own) => (own.min(block), own.max(block)),
+            Self::Row(own) => (own, block),
+            Self::Column(own) => (block, own),
+        }
+    }
 }
 
 /// The bands last read, one for each thread that reads.
@@ -71,7 +92,7 @@ struct Bands<T> {
 }
 
 /// A band with the part of its tiles that was read.
-type Kept<T> = (Band, Part, Vec<Square<T>>);
+type Kept<T> = (Band, Part, Vec<Option<Square<T>>>);
 
 impl<T> Default for Bands<T> {
     fn default() -> Self {
@@ -94,46 +115,72 @@ impl<T> Bands<T> {
 
 impl<T: Scalar> TileFile<T> {
     /// Makes a file without tiles for an n by n matrix.
-    pub(in crate::matrix) fn create(n: usize, triangle: bool, scratch: Scratch<'_>) -> Result<Self, DiskError> {
+    pub(in crate::matrix) fn create(n: usize, scratch: Scratch<'_>) -> Result<Self, DiskError> {
         let directory = scratch.directory.to_owned();
         let file = tempfile::tempfile_in(&directory).map_err(|error| DiskError::unwritable(&directory, &error))?;
         Ok(Self {
             n,
-            triangle,
-            file,
+            file: Arc::new(file),
             directory,
             waiting_byte: scratch.memory_byte,
-            rows: Vec::new(),
+            rows: vec![TileRow::default(); n.div_ceil(SIDE)],
             n_byte: 0,
-            n_nonzero: 0,
             failure: OnceLock::new(),
             bands: Bands::default(),
         })
     }
 
-    /// Adds the next row of tiles.
-    pub(in crate::matrix) fn push_row(&mut self, tiles: &[Square<T>]) -> Result<(), DiskError> {
-        let row = self.rows.len();
-        assert_eq!(tiles.len(), self.columns(row).len(), "a row is complete");
+    /// Returns a matrix of the same size at the end of the same file, with some rows of tiles of this one.
+    pub(in crate::matrix) fn beside(&self, rows: Range<usize>) -> Self {
+        let mut kept = vec![TileRow::default(); self.rows.len()];
+        kept[rows.clone()].clone_from_slice(&self.rows[rows]);
+        Self {
+            n: self.n,
+            file: Arc::clone(&self.file),
+            directory: self.directory.clone(),
+            waiting_byte: self.waiting_byte,
+            rows: kept,
+            n_byte: self.n_byte,
+            failure: self.failure.clone(),
+            bands: Bands::default(),
+        }
+    }
+
+    /// Stores the tiles of a row of tiles, from the column `first` of tiles on.
+    pub(in crate::matrix) fn put_row(
+        &mut self,
+        row: usize,
+        first: usize,
+        tiles: &[Square<T>],
+    ) -> Result<(), DiskError> {
         let slot = |tile: &Square<T>| Slot {
-            numbers: 0,
-            errors: 0,
+            numbers: NOWHERE,
+            errors: NOWHERE,
             checksums: [0; 2],
             form: tile.form(),
         };
         let mut slots: Vec<Slot> = tiles.iter().map(slot).collect();
-        self.push_part(tiles, Square::push_numbers, |k, offset, checksum| {
-            (slots[k].numbers, slots[k].checksums[0]) = (offset, checksum);
-        })?;
-        self.push_part(tiles, Square::push_errors, |k, offset, checksum| {
-            (slots[k].errors, slots[k].checksums[1]) = (offset, checksum);
-        })?;
-        for (column, tile) in self.columns(row).zip(tiles) {
-            let n_times = if self.triangle && column > row { 2 } else { 1 };
-            self.n_nonzero += n_times * tile.n_nonzero();
-        }
-        self.rows.push(slots);
-        Ok(())
+        let begin = self.n_byte;
+        let written = self
+            .push_part(tiles, Square::push_numbers, |k, offset, checksum| {
+                (slots[k].numbers, slots[k].checksums[0]) = (offset, checksum);
+            })
+            .and_then(|()| {
+                self.push_part(tiles, Square::push_errors, |k, offset, checksum| {
+                    (slots[k].errors, slots[k].checksums[1]) = (offset, checksum);
+                })
+            });
+        // After a failure the row is not found, and reads as such.
+        let n_byte = self.n_byte - begin;
+        let mut counts = tiles.iter().map(Square::n_nonzero);
+        let n_nonzero = [counts.next().unwrap_or(0), counts.sum()];
+        self.rows[row] = TileRow {
+            first,
+            slots,
+            n_byte,
+            n_nonzero,
+        };
+        written
     }
 
     /// Writes the bytes that `push` makes of each tile, and calls `note` with the tile's number in the row, the position of its bytes, and their checksum.
@@ -158,31 +205,36 @@ impl<T: Scalar> TileFile<T> {
         Ok(())
     }
 
-    pub(in crate::matrix) fn place(&self) -> Place<'_> {
-        Place::Disk(Scratch {
+    /// Returns the place for more matrices of this kind.
+    pub(in crate::matrix) fn scratch(&self) -> Scratch<'_> {
+        Scratch {
             directory: &self.directory,
             memory_byte: self.waiting_byte,
+        }
+    }
+
+    /// Returns the number of rows of the matrix.
+    pub(in crate::matrix) fn n(&self) -> usize {
+        self.n
+    }
+
+    /// Returns the numbers that are not zero in some rows of tiles: of the first tile of each, and of all others.
+    pub(in crate::matrix) fn n_nonzero(&self, rows: Range<usize>) -> [usize; 2] {
+        self.rows[rows].iter().fold([0; 2], |sum, row| {
+            [sum[0] + row.n_nonzero[0], sum[1] + row.n_nonzero[1]]
         })
     }
 
-    pub(in crate::matrix) fn n_nonzero(&self) -> usize {
-        self.n_nonzero
+    /// Returns the bytes of some rows of tiles.
+    pub(in crate::matrix) fn n_byte(&self, rows: Range<usize>) -> usize {
+        let byte: u64 = self.rows[rows].iter().map(|row| row.n_byte).sum();
+        usize::try_from(byte).unwrap_or(usize::MAX)
     }
 
-    /// Returns the length of the file.
-    pub(in crate::matrix) fn n_byte(&self) -> u64 {
-        self.n_byte
-    }
-
-    /// Returns the number of rows of tiles.
-    pub(in crate::matrix) fn n_blocks(&self) -> usize {
-        self.n.div_ceil(SIDE)
-    }
-
-    /// Returns the columns of tiles in a row of tiles.
-    pub(in crate::matrix) fn columns(&self, row: usize) -> Range<usize> {
-        let first = if self.triangle { row } else { 0 };
-        first..self.n_blocks()
+    /// Returns the columns of tiles that are stored of a row of tiles.
+    fn columns(&self, row: usize) -> Range<usize> {
+        let row = &self.rows[row];
+        row.first..row.first + row.slots.len()
     }
 
     /// Calls `visit(column of tiles, tile)` for a row of tiles in order; reads a strip of them at a time.
@@ -253,39 +305,57 @@ impl<T: Scalar> TileFile<T> {
         Ok(tiles)
     }
 
-    /// Returns the result of `work` for the tiles of a band.
+    /// Returns the result of `work` for the tiles of a band, found by the row or column that differs from tile to tile; a tile that is not stored is `None`.
+    ///
+    /// `only` names the single tile that `work` reads, which is not worth a band.
     pub(in crate::matrix) fn with_band<R>(
         &self,
         band: Band,
+        only: Option<usize>,
         part: Part,
-        work: impl FnOnce(&[Square<T>]) -> R,
+        work: impl for<'t> FnOnce(&dyn Fn(usize) -> Option<&'t Square<T>>) -> R,
     ) -> Result<R, DiskError> {
+        if let Some(block) = only {
+            let tile = self.read_one(band.place(block), part)?;
+            return Ok(work(&|_| tile.as_ref()));
+        }
         let fits = |kept: &Kept<T>| kept.0 == band && (kept.1 == part || kept.1 == Part::All);
         // A band of no use is dropped before more is read.
         let kept = match self.bands.exchange(None).filter(fits) {
             Some(kept) => kept,
             None => (band, part, self.read_band(band, part)?),
         };
-        let result = work(&kept.2);
+        let result = work(&|block| kept.2[block].as_ref());
         self.bands.exchange(Some(kept));
         Ok(result)
     }
 
-    fn read_band(&self, band: Band, part: Part) -> Result<Vec<Square<T>>, DiskError> {
-        let n_blocks = self.n_blocks();
-        let (n_single, block) = match band {
-            Band::Row(block) => return self.read(block, 0..n_blocks, part),
-            Band::Cross(block) => (block, block),
-            Band::Column(block) => (n_blocks, block),
+    fn read_band(&self, band: Band, part: Part) -> Result<Vec<Option<Square<T>>>, DiskError> {
+        let n_blocks = self.rows.len();
+        let (singles, along) = match band {
+            Band::Row(block) => (0..0, Some(block)),
+            Band::Cross(block) => (0..block, Some(block)),
+            Band::Column(_) => (0..n_blocks, None),
         };
-        let mut tiles = Vec::with_capacity(n_blocks);
-        for row in 0..n_single {
-            tiles.append(&mut self.read(row, block..block + 1, part)?);
+        let mut tiles: Vec<Option<Square<T>>> = std::iter::repeat_with(|| None).take(n_blocks).collect();
+        for block in singles {
+            tiles[block] = self.read_one(band.place(block), part)?;
         }
-        if let Band::Cross(_) = band {
-            tiles.append(&mut self.read(block, block..n_blocks, part)?);
+        if let Some(row) = along {
+            let columns = self.columns(row);
+            for (tile, read) in tiles[columns.clone()].iter_mut().zip(self.read(row, columns, part)?) {
+                *tile = Some(read);
+            }
         }
         Ok(tiles)
+    }
+
+    /// Reads a tile; `None` if it is not stored.
+    fn read_one(&self, (row, column): (usize, usize), part: Part) -> Result<Option<Square<T>>, DiskError> {
+        if !self.columns(row).contains(&column) {
+            return Ok(None);
+        }
+        Ok(self.read(row, column..column + 1, part)?.pop())
     }
 
     fn bytes_at(&self, offset: u64, n: usize) -> Result<Vec<u8>, DiskError> {
@@ -296,7 +366,8 @@ impl<T: Scalar> TileFile<T> {
     }
 
     fn slot(&self, row: usize, column: usize) -> &Slot {
-        &self.rows[row][column - self.columns(row).start]
+        let row = &self.rows[row];
+        &row.slots[column - row.first]
     }
 
     /// Returns the bytes of a tile's numbers and errors.

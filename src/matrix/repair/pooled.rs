@@ -36,11 +36,15 @@ impl FormFactors {
             return Ok(self.clone());
         }
         let mut pooled = if self.needs_columns() {
-            let mut tiles = Vec::new();
-            self.for_each_round(SIDE, |blocks| {
-                tiles.append(&mut threads::collect_from(blocks, |block| self.pooled_rows(block)));
-            });
-            Self::from_own_tiles(self.areas.clone(), self.tallies.clone(), tiles, self.storage())?
+            Self::from_own_rows(self.areas.clone(), self.tallies.clone(), self.storage(), |push| {
+                let mut pushed = Ok(());
+                self.for_each_round(SIDE, |blocks| {
+                    for tile in threads::collect_from(blocks, |block| self.pooled_rows(block)) {
+                        pushed = std::mem::replace(&mut pushed, Ok(())).and_then(|()| push(&tile));
+                    }
+                });
+                pushed
+            })?
         } else {
             // Tiles begin in the same rows on any number of ranks, and so are stored alike.
             let blocks: Vec<_> = block_rows(self.n_rows()).collect();

@@ -5,14 +5,13 @@ use std::sync::Arc;
 
 use super::choose::store;
 use super::store::Store;
-use crate::matrix::backend::{Backend, share_of};
+use crate::matrix::backend::Backend;
 use crate::matrix::choice::{Layout, Precision, StorageChoice};
 use crate::matrix::error::MatrixError;
 use crate::matrix::kernel::planes::Planes;
 use crate::matrix::operator::Block;
 use crate::matrix::tile::RowTile;
-use crate::matrix::together::{blocks_of, decode, encode, rows_of, stored_rows, sums_of_ranks};
-use crate::ranks::Ranks;
+use crate::matrix::together::{Share, stored_rows};
 use crate::threads;
 
 /// Rows of y that one thread computes at a time: enough to hide the start of a task.
@@ -28,16 +27,8 @@ pub(in crate::matrix) struct Rows {
     /// The first row of each tile, ascending, and the end of the last.
     firsts: Vec<usize>,
     end: usize,
-    part: Option<Part>,
-}
-
-/// The part of a rank: the tiles in which any of its rows lie.
-#[derive(Debug)]
-struct Part {
-    own: Range<usize>,
-    ranks: Arc<dyn Ranks>,
-    /// The bytes that a pass reads, the numbers that are not zero, and the bytes of all ranks together.
-    of_all: [usize; 3],
+    /// Of several ranks, each stores the tiles in which any of its rows lie.
+    share: Option<Share>,
 }
 
 impl Rows {
@@ -50,19 +41,15 @@ impl Rows {
             tiles: Vec::new(),
             firsts: Vec::new(),
             end: 0,
-            part: choice.ranks.map(|among| Part {
-                own: rows_of(n, &blocks_of(n, among.0.rank(), among.0.size())),
-                ranks: Arc::clone(among.0),
-                of_all: [0; 3],
-            }),
+            share: Share::of(n, choice),
         }
     }
 
     /// Adds the next rows.
     pub(in crate::matrix) fn push(&mut self, tile: &RowTile) -> Result<(), MatrixError> {
         let rows = tile.first_row()..tile.first_row() + tile.n_rows();
-        let is_kept = |part: &Part| rows.start < part.own.end && part.own.start < rows.end;
-        if self.part.as_ref().is_none_or(is_kept) {
+        let is_kept = |share: &Share| rows.start < share.rows.end && share.rows.start < rows.end;
+        if self.share.as_ref().is_none_or(is_kept) {
             self.tiles.push(store(tile, self.n, (self.layout, self.precision))?);
             self.firsts.push(rows.start);
             self.end = rows.end;
@@ -82,10 +69,14 @@ impl Rows {
                     sum[2] + tile.stored_byte(),
                 ]
             });
-        if let Some(part) = &mut self.part {
-            part.of_all = sums_of_ranks(&*part.ranks, counts);
+        if let Some(share) = &mut self.share {
+            share.add_up(counts);
         }
         Arc::new(self)
+    }
+
+    fn of_all(&self) -> Option<[usize; 3]> {
+        self.share.as_ref()?.of_all
     }
 
     /// Returns the tiles whose first row is this rank's: each tile belongs to one rank.
@@ -97,7 +88,7 @@ impl Rows {
 
     /// Returns the rows whose products are computed here.
     fn own(&self) -> Range<usize> {
-        self.part.as_ref().map_or(0..self.n, |part| part.own.clone())
+        self.share.as_ref().map_or(0..self.n, |share| share.rows.clone())
     }
 
     /// Returns the tile of row i, and the number of the row in it, if it is stored here.
@@ -123,23 +114,6 @@ impl Rows {
         }
         tasks
     }
-
-    /// Sets `y` to the products of the rows of some tasks with x.
-    fn apply_tasks(&self, tasks: &[(usize, Range<usize>)], x: &Block, y: &mut [f64]) {
-        let planes = Planes::of(x);
-        let mut rest = y;
-        let mut with_sums = Vec::with_capacity(tasks.len());
-        for (k, rows) in tasks {
-            let (sums, after) = rest.split_at_mut(rows.len() * x.n_channels());
-            rest = after;
-            with_sums.push((&self.tiles[*k], rows.start - self.firsts[*k], rows.start, sums));
-        }
-        let n_terms = x.n_channels() * self.tiles.iter().map(|tile| tile.n_stored()).sum::<usize>();
-        let pay = threads::pay_for_pass(n_terms, self.pass_byte());
-        threads::for_each(pay, with_sums, |(tile, row, i, sums)| {
-            tile.apply(row, i, x, &planes, sums);
-        });
-    }
 }
 
 impl Backend for Rows {
@@ -150,30 +124,27 @@ impl Backend for Rows {
     }
 
     fn apply(&self, x: &Block, y: &mut Block) {
-        let (own, n_channels) = (self.own(), y.n_channels());
-        let own = own.start * n_channels..own.end * n_channels;
-        self.apply_tasks(&self.tasks(), x, &mut y.values_mut()[own.clone()]);
-        if let Some(part) = &self.part {
-            let all = part.ranks.all_gather_numbers(&y.values()[own]);
-            y.values_mut().copy_from_slice(&all);
+        let (tasks, planes, n_channels) = (self.tasks(), Planes::of(x), y.n_channels());
+        let mut rest = &mut y.values_mut()[self.own().start * n_channels..];
+        let mut with_sums = Vec::with_capacity(tasks.len());
+        for (k, rows) in tasks {
+            let (sums, after) = rest.split_at_mut(rows.len() * n_channels);
+            rest = after;
+            with_sums.push((&self.tiles[k], rows.start - self.firsts[k], rows.start, sums));
         }
-    }
-
-    fn share_of_pass(&self, x: &Block, rank: usize, n_ranks: usize) -> Vec<f64> {
-        let tasks = self.tasks();
-        let own = &tasks[share_of(tasks.len(), rank, n_ranks)];
-        let mut sums = vec![0.0; own.iter().map(|(_, rows)| rows.len()).sum::<usize>() * x.n_channels()];
-        self.apply_tasks(own, x, &mut sums);
-        sums
-    }
-
-    fn end_pass(&self, shares: &[f64], y: &mut Block) {
-        y.values_mut().copy_from_slice(shares);
+        let n_terms = n_channels * self.tiles.iter().map(|tile| tile.n_stored()).sum::<usize>();
+        let pay = threads::pay_for_pass(n_terms, self.pass_byte());
+        threads::for_each(pay, with_sums, |(tile, row, i, sums)| {
+            tile.apply(row, i, x, &planes, sums);
+        });
+        if let Some(share) = &self.share {
+            share.complete(y);
+        }
     }
 
     fn pass_byte(&self) -> usize {
         let own = || self.tiles.iter().map(|tile| tile.pass_byte()).sum();
-        self.part.as_ref().map_or_else(own, |part| part.of_all[0])
+        self.of_all().map_or_else(own, |of_all| of_all[0])
     }
 
     fn dot_off_diagonal(&self, i: usize, x: &Block, sum: &mut [f64]) -> f64 {
@@ -188,44 +159,38 @@ impl Backend for Rows {
 
     fn n_nonzero(&self) -> usize {
         let own = || self.tiles.iter().map(|tile| tile.n_nonzero()).sum();
-        self.part.as_ref().map_or_else(own, |part| part.of_all[1])
+        self.of_all().map_or_else(own, |of_all| of_all[1])
     }
 
     fn stored_byte(&self) -> usize {
         let own = || self.tiles.iter().map(|tile| tile.stored_byte()).sum();
-        self.part.as_ref().map_or_else(own, |part| part.of_all[2])
+        self.of_all().map_or_else(own, |of_all| of_all[2])
     }
 
     fn held_rows(&self) -> Option<Range<usize>> {
-        self.part.as_ref().map(|part| part.own.clone())
+        self.share.as_ref().map(|share| share.rows.clone())
     }
 
     fn whole(&self) -> Option<Arc<dyn Backend>> {
-        let part = self.part.as_ref()?;
-        let mut begun = self.begun_here();
-        let n_rounds = part.ranks.all_gather_numbers(&[begun.len() as f64]);
-        let mut rounds = n_rounds.into_iter().fold(0.0, f64::max);
+        let share = self.share.as_ref()?;
+        let sent = self.begun_here().map(|k| {
+            let end = self.firsts.get(k + 1).copied().unwrap_or(self.end);
+            stored_rows(self, self.firsts[k]..end, |_| 0..self.n)
+        });
         let mut tiles: Vec<(usize, usize, Arc<dyn Store>)> = Vec::new();
-        while rounds > 0.0 {
-            rounds -= 1.0;
-            let sent = begun.next().map(|k| {
-                let end = self.firsts.get(k + 1).copied().unwrap_or(self.end);
-                encode(&stored_rows(self, self.firsts[k]..end, |_| 0..self.n))
-            });
-            let came = part.ranks.all_gather(&sent.unwrap_or_default());
-            tiles.append(&mut threads::collect_flat(came.len(), |rank| {
-                let tile = decode(&came[rank])?;
-                let stored = store(&tile, self.n, (self.layout, self.precision));
+        share.exchange(sent, |came| {
+            tiles.append(&mut threads::collect_from(&came, |tile| {
+                let stored = store(tile, self.n, (self.layout, self.precision));
                 let stored = stored.expect("what was stored is stored again");
-                Some((tile.first_row(), tile.first_row() + tile.n_rows(), stored))
+                (tile.first_row(), tile.first_row() + tile.n_rows(), stored)
             }));
-        }
+        });
         tiles.sort_unstable_by_key(|tile| tile.0);
         Some(Arc::new(Self {
             firsts: tiles.iter().map(|tile| tile.0).collect(),
             end: tiles.last().map_or(0, |tile| tile.1),
             tiles: tiles.into_iter().map(|tile| tile.2).collect(),
-            part: None,
+            share: None,
             ..*self
         }))
     }

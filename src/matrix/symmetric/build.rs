@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::tiles::{Stored, Tiles};
+use super::tiles::{Stored, Tiles, row_factors};
 use crate::in_order::{InOrder, by_turns};
 use crate::matrix::backend::Backend;
 use crate::matrix::choice::{Layout, Precision, StorageChoice};
@@ -92,18 +92,18 @@ pub(in crate::matrix) fn from_parts(
     ) -> Result<Arc<dyn Backend>, MatrixError> {
         let n = areas.len();
         let part = Stored::new(n, choice);
-        let mut rows: Vec<_> = block_rows(n).map(|_| Vec::new()).collect();
+        let mut made = Tiles::<T>::new(row_factors(areas), choice.place, part.clone())?;
         give(&mut |tiles| {
             let stored = threads::collect_from(&tiles, |tile| {
                 let k = tile.first_row() / SIDE;
                 (k, row_of_tiles::<T>(tile, n, choice.layout, part.columns(k)))
             });
             for (k, squares) in stored {
-                rows[k] = squares?;
+                made.put_row(k, squares?)?;
             }
             Ok(())
         })?;
-        Tiles::<T>::of_rows(areas, choice, part, rows.into_iter().map(Ok))
+        Ok(Arc::new(made.finish()))
     }
     match choice.precision {
         Precision::F64 => build::<f64>(areas, choice, give),

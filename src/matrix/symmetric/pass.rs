@@ -109,35 +109,6 @@ pub(in crate::matrix) struct PieceOfY {
 }
 
 impl PieceOfY {
-    /// Returns the numbers of all channels, one after the other, from row `first` of `n` on.
-    pub(in crate::matrix) fn numbers(&self, n: usize) -> impl Iterator<Item = f64> {
-        let n_left = n - self.first;
-        let channels = self.values.chunks_exact(self.distance);
-        channels.flat_map(move |of_channel| of_channel[..n_left].iter().copied())
-    }
-
-    /// Returns the piece from row `first` of `n` on, with the numbers at the beginning of `numbers`, and the rest of these.
-    pub(in crate::matrix) fn from_numbers(
-        first: usize,
-        n: usize,
-        n_channels: usize,
-        numbers: &[f64],
-    ) -> (Self, &[f64]) {
-        let n_left = n - first;
-        let distance = apart(n_left.next_multiple_of(SIDE));
-        let mut values = Aligned::filled(n_channels * distance, 0.0);
-        let (own, rest) = numbers.split_at(n_channels * n_left);
-        for (to, from) in values.chunks_exact_mut(distance).zip(own.chunks_exact(n_left)) {
-            to[..n_left].copy_from_slice(from);
-        }
-        let piece = Self {
-            first,
-            distance,
-            values,
-        };
-        (piece, rest)
-    }
-
     /// Adds the piece to the sums of channel `c` in `rows`.
     pub(in crate::matrix) fn add_to(&self, sums: &mut [f64], rows: &Range<usize>, c: usize) {
         let from = rows.start.max(self.first);

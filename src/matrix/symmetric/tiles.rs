@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::build::row_of_tiles;
 use super::pass::{PassSums, PieceOfY};
 use crate::in_order::InOrder;
-use crate::matrix::backend::{Backend, share_of};
+use crate::matrix::backend::Backend;
 use crate::matrix::choice::{Layout, Place, StorageChoice};
 use crate::matrix::disk::{Band, Part, TileFile, visit_nothing_known};
 use crate::matrix::error::{DiskError, MatrixError};
@@ -17,8 +17,8 @@ use crate::matrix::kernel::scalar::Scalar;
 use crate::matrix::kernel::sizes::{SIDE, block_rows, for_each_block};
 use crate::matrix::operator::Block;
 use crate::matrix::square::Square;
-use crate::matrix::together::{blocks_of, decode, encode, rows_of, stored_rows, sums_of_ranks};
-use crate::ranks::Ranks;
+use crate::matrix::tile::RowTile;
+use crate::matrix::together::{Share, rows_of, stored_rows};
 use crate::threads;
 
 /// Returns f_i = max A / A_i.
@@ -32,29 +32,34 @@ pub(in crate::matrix) fn row_factors(areas: &[f64]) -> Vec<f64> {
 pub(super) struct Stored {
     n_blocks: usize,
     layout: Layout,
-    /// The blocks of rows that are this rank's, all of whose tiles it stores, and the ranks; `None` where it stores all tiles.
-    own: Option<(Range<usize>, Arc<dyn Ranks>)>,
+    /// The blocks of rows all of whose tiles a rank of several stores; `None` where all tiles are stored.
+    share: Option<Share>,
 }
 
 impl Stored {
-    /// Returns the stored part of an n by n matrix: on several ranks a part, all if it is on a disk.
+    /// Returns the stored part of an n by n matrix.
     pub(super) fn new(n: usize, choice: StorageChoice<'_>) -> Self {
-        let among = choice.ranks.filter(|_| !choice.place.is_on_disk());
         Self {
             n_blocks: block_rows(n).len(),
             layout: choice.layout,
-            own: among.map(|among| {
-                let ranks = among.0;
-                (blocks_of(n, ranks.rank(), ranks.size()), Arc::clone(ranks))
-            }),
+            share: Share::of(n, choice),
         }
+    }
+
+    /// Returns the blocks of rows all of whose tiles are stored.
+    fn own(&self) -> Range<usize> {
+        self.share
+            .as_ref()
+            .map_or(0..self.n_blocks, |share| share.blocks.clone())
     }
 
     /// Returns the J of the tiles (I, J), J ≥ I, that are stored: all where row I is this rank's, otherwise those of its columns.
     pub(super) fn columns(&self, row: usize) -> Range<usize> {
-        match &self.own {
-            Some((own, _)) if !own.contains(&row) => own.start.max(row).min(own.end)..own.end,
-            _ => row..self.n_blocks,
+        let own = self.own();
+        if own.contains(&row) {
+            row..self.n_blocks
+        } else {
+            own.start.max(row).min(own.end)..own.end
         }
     }
 }
@@ -68,8 +73,6 @@ pub(super) struct Tiles<T> {
     /// The data that a pass of one process reads.
     pass_byte: usize,
     stored: Stored,
-    /// On several ranks: the number of nonzero entries of all, and the bytes of all.
-    of_all: Option<[usize; 2]>,
     rows: Rows<T>,
 }
 
@@ -125,59 +128,66 @@ impl<T: Scalar> Tiles<T> {
         part: Stored,
         rows: impl Iterator<Item = Result<Vec<Square<T>>, E>>,
     ) -> Result<Self, E> {
-        let (n, mut n_rows) = (row_factors.len(), 0);
-        let counted = rows.inspect(|_| n_rows += 1);
-        let stored = match place {
-            Place::Memory { .. } => Rows::Memory(counted.collect::<Result<_, E>>()?),
-            Place::Disk(scratch) => {
-                let mut file = TileFile::create(n, true, scratch).map_err(MatrixError::from)?;
-                for row in counted {
-                    file.push_row(&row?).map_err(MatrixError::from)?;
-                }
-                Rows::Disk(file)
-            }
+        let mut tiles = Self::new(row_factors, place, part)?;
+        let mut n_rows = 0;
+        for row in rows {
+            tiles.put_row(n_rows, row?).map_err(MatrixError::from)?;
+            n_rows += 1;
+        }
+        assert_eq!(n_rows, block_rows(tiles.n).len(), "a tile for every row of blocks");
+        Ok(tiles.finish())
+    }
+
+    /// Returns a matrix without tiles.
+    pub(super) fn new(row_factors: Vec<f64>, place: Place<'_>, mut stored: Stored) -> Result<Self, MatrixError> {
+        if let Some(share) = &mut stored.share {
+            share.of_all = None;
+        }
+        let n = row_factors.len();
+        let rows = match place {
+            Place::Memory { .. } => Rows::Memory(std::iter::repeat_with(Vec::new).take(stored.n_blocks).collect()),
+            Place::Disk(scratch) => Rows::Disk(TileFile::create(n, scratch)?),
         };
-        assert_eq!(n_rows, block_rows(n).len(), "a tile for every row of blocks");
-        let mut tiles = Self {
+        Ok(Self {
             n,
             row_factors,
             pass_byte: 0,
-            stored: part,
-            of_all: None,
-            rows: stored,
-        };
-        let counts = [tiles.own_pass_byte(), tiles.n_nonzero(), tiles.stored_byte()];
-        let Some((_, ranks)) = &tiles.stored.own else {
-            tiles.pass_byte = counts[0];
-            return Ok(tiles);
-        };
-        let [pass, n_nonzero, byte] = sums_of_ranks(&**ranks, counts);
-        tiles.pass_byte = pass;
-        tiles.of_all = Some([n_nonzero, byte]);
-        Ok(tiles)
+            stored,
+            rows,
+        })
     }
 
-    /// Returns the rows of tiles that are this rank's where they are in memory.
-    fn own_tiles<'t>(&self, rows: &'t [Vec<Square<T>>]) -> &'t [Vec<Square<T>>] {
-        match &self.stored.own {
-            Some((own, _)) => &rows[own.clone()],
-            None => rows,
+    /// Stores the tiles of a row of tiles: those of [`Stored::columns`].
+    pub(super) fn put_row(&mut self, row: usize, tiles: Vec<Square<T>>) -> Result<(), DiskError> {
+        let columns = self.stored.columns(row);
+        assert_eq!(tiles.len(), columns.len(), "a row is complete");
+        match &mut self.rows {
+            Rows::Memory(rows) => {
+                rows[row] = tiles;
+                Ok(())
+            }
+            Rows::Disk(file) => file.put_row(row, columns.start, &tiles),
         }
+    }
+
+    /// Ends the matrix once all tiles are stored. Collective where ranks store parts.
+    pub(super) fn finish(mut self) -> Self {
+        let own = [self.own_pass_byte(), self.n_nonzero(), self.stored_byte()];
+        let [pass_byte, ..] = self.stored.share.as_mut().map_or(own, |share| share.add_up(own));
+        self.pass_byte = pass_byte;
+        self
+    }
+
+    fn of_all(&self) -> Option<[usize; 3]> {
+        self.stored.share.as_ref()?.of_all
     }
 
     /// Returns the data that a pass reads of this rank's rows of tiles.
     fn own_pass_byte(&self) -> usize {
+        let own = self.stored.own();
         match &self.rows {
-            Rows::Memory(rows) => self.own_tiles(rows).iter().flatten().map(Square::pass_byte).sum(),
-            Rows::Disk(file) => usize::try_from(file.n_byte()).unwrap_or(usize::MAX),
-        }
-    }
-
-    /// Returns the rows whose products this rank computes.
-    fn own_rows(&self) -> Range<usize> {
-        match &self.stored.own {
-            Some((own, _)) => rows_of(self.n, own),
-            None => 0..self.n,
+            Rows::Memory(rows) => rows[own].iter().flatten().map(Square::pass_byte).sum(),
+            Rows::Disk(file) => file.n_byte(own),
         }
     }
 
@@ -212,14 +222,7 @@ impl<T: Scalar> Tiles<T> {
                 let (row, column) = (own.min(block), own.max(block));
                 rows[row].get(column.checked_sub(self.stored.columns(row).start)?)
             })),
-            Rows::Disk(file) => file.note(match only {
-                Some(block) => {
-                    let (row, column) = (own.min(block), own.max(block));
-                    let tile = file.read(row, column..column + 1, part);
-                    tile.map(|tile| work(&|_| tile.first()))
-                }
-                None => file.with_band(Band::Cross(own), part, |tiles| work(&|block| tiles.get(block))),
-            }),
+            Rows::Disk(file) => file.note(file.with_band(Band::Cross(own), only, part, work)),
         }
     }
 
@@ -309,7 +312,7 @@ impl<T: Scalar> Backend for Tiles<T> {
 
     fn apply(&self, x: &Block, y: &mut Block) {
         let planes = Planes::of(x);
-        let rows = self.own_rows();
+        let rows = rows_of(self.n, &self.stored.own());
         // Pieces behind the rows add nothing to them.
         let mut pieces = pieces(self.n);
         pieces.retain(|piece| piece.start * SIDE < rows.end);
@@ -317,33 +320,10 @@ impl<T: Scalar> Backend for Tiles<T> {
         let parts = threads::map(pay, pieces.len(), |k| self.apply_piece(pieces[k].clone(), &planes));
         let n_channels = y.n_channels();
         let own = rows.start * n_channels..rows.end * n_channels;
-        self.add_up(&parts, rows.start, n_channels, &mut y.values_mut()[own.clone()]);
-        if let Some((_, ranks)) = &self.stored.own {
-            let all = ranks.all_gather_numbers(&y.values()[own]);
-            y.values_mut().copy_from_slice(&all);
+        self.add_up(&parts, rows.start, n_channels, &mut y.values_mut()[own]);
+        if let Some(share) = &self.stored.share {
+            share.complete(y);
         }
-    }
-
-    fn share_of_pass(&self, x: &Block, rank: usize, n_ranks: usize) -> Vec<f64> {
-        let planes = Planes::of(x);
-        let pieces = pieces(self.n);
-        let own = &pieces[share_of(pieces.len(), rank, n_ranks)];
-        let pay = threads::pay_for_pass(self.n * self.n * x.n_channels(), self.pass_byte);
-        let parts = threads::map(pay, own.len(), |k| self.apply_piece(own[k].clone(), &planes));
-        parts.iter().flat_map(|part| part.numbers(self.n)).collect()
-    }
-
-    fn end_pass(&self, shares: &[f64], y: &mut Block) {
-        let mut rest = shares;
-        let parts: Vec<PieceOfY> = pieces(self.n)
-            .into_iter()
-            .map(|piece| {
-                let part;
-                (part, rest) = PieceOfY::from_numbers(piece.start * SIDE, self.n, y.n_channels(), rest);
-                part
-            })
-            .collect();
-        self.add_up(&parts, 0, y.n_channels(), y.values_mut());
     }
 
     fn pass_byte(&self) -> usize {
@@ -378,52 +358,57 @@ impl<T: Scalar> Backend for Tiles<T> {
     }
 
     fn held_rows(&self) -> Option<Range<usize>> {
-        self.stored.own.as_ref().map(|(own, _)| rows_of(self.n, own))
+        self.stored.share.as_ref().map(|share| share.rows.clone())
     }
 
     fn whole(&self) -> Option<Arc<dyn Backend>> {
-        let (own, ranks) = self.stored.own.as_ref()?;
+        let share = self.stored.share.as_ref()?;
         let all = Stored {
-            own: None,
+            share: None,
             ..self.stored.clone()
         };
-        let mut rows: Vec<Vec<Square<T>>> = std::iter::repeat_with(Vec::new).take(all.n_blocks).collect();
-        let of_rank = |rank: usize| blocks_of(self.n, rank, ranks.size());
-        let n_rounds = (0..ranks.size()).map(|rank| of_rank(rank).len()).max().unwrap_or(0);
-        for round in 0..n_rounds {
-            let block = |of: Range<usize>| of.clone().nth(round);
-            let sent = block(own.clone()).map(|k| {
-                let range = rows_of(self.n, &(k..k + 1));
-                encode(&stored_rows(self, range, |i| i..self.n))
-            });
-            let came = ranks.all_gather(&sent.unwrap_or_default());
-            let made = threads::collect_flat(came.len(), |rank| {
-                let tile = decode(&came[rank])?;
-                let k = tile.first_row() / SIDE;
-                let tiles = row_of_tiles::<T>(&tile, self.n, all.layout, all.columns(k));
-                Some((k, tiles.expect("what was stored is stored again")))
-            });
-            for (k, tiles) in made {
-                rows[k] = tiles;
-            }
-        }
-        Some(Arc::new(Self {
+        let (kept, rows) = match &self.rows {
+            Rows::Memory(rows) => (0..0, Rows::Memory(rows.iter().map(|_| Vec::new()).collect())),
+            Rows::Disk(file) => (share.blocks.clone(), Rows::Disk(file.beside(share.blocks.clone()))),
+        };
+        let mut whole = Self {
             n: self.n,
             row_factors: self.row_factors.clone(),
             pass_byte: self.pass_byte,
             stored: all,
-            of_all: None,
-            rows: Rows::Memory(rows),
-        }))
+            rows,
+        };
+        let blocks = share.blocks.clone();
+        let sent = blocks.map(|k| stored_rows(self, rows_of(self.n, &(k..k + 1)), |i| i..self.n));
+        share.exchange(sent, |came| {
+            let is_new = |tile: &RowTile| !kept.contains(&(tile.first_row() / SIDE));
+            let new: Vec<RowTile> = came.into_iter().filter(is_new).collect();
+            let made = threads::collect_from(&new, |tile| {
+                let k = tile.first_row() / SIDE;
+                row_of_tiles::<T>(tile, self.n, whole.stored.layout, whole.stored.columns(k))
+            });
+            for (tile, row) in new.iter().zip(made) {
+                let row = row.expect("what was stored is stored again");
+                let written = whole.put_row(tile.first_row() / SIDE, row);
+                if let Rows::Disk(file) = &whole.rows {
+                    file.note(written);
+                }
+            }
+        });
+        Some(Arc::new(whole))
     }
 
     fn n_nonzero(&self) -> usize {
-        if let Some([n_nonzero, _]) = self.of_all {
-            return n_nonzero;
+        if let Some(of_all) = self.of_all() {
+            return of_all[1];
         }
+        let own = self.stored.own();
         let rows = match &self.rows {
-            Rows::Memory(rows) => self.own_tiles(rows),
-            Rows::Disk(file) => return file.n_nonzero(),
+            Rows::Memory(rows) => &rows[own],
+            Rows::Disk(file) => {
+                let [diagonal, others] = file.n_nonzero(own);
+                return diagonal + 2 * others;
+            }
         };
         let of_row = |tiles: &Vec<Square<T>>| {
             let counts = tiles.iter().enumerate();
@@ -435,19 +420,20 @@ impl<T: Scalar> Backend for Tiles<T> {
     }
 
     fn stored_byte(&self) -> usize {
-        if let Some([_, byte]) = self.of_all {
-            return byte;
+        if let Some(of_all) = self.of_all() {
+            return of_all[2];
         }
+        let own = self.stored.own();
         match &self.rows {
-            Rows::Memory(rows) => self.own_tiles(rows).iter().flatten().map(Square::stored_byte).sum(),
-            Rows::Disk(file) => usize::try_from(file.n_byte()).unwrap_or(usize::MAX),
+            Rows::Memory(rows) => rows[own].iter().flatten().map(Square::stored_byte).sum(),
+            Rows::Disk(file) => file.n_byte(own),
         }
     }
 
     fn place(&self) -> Place<'_> {
         match &self.rows {
             Rows::Memory(_) => Place::default(),
-            Rows::Disk(file) => file.place(),
+            Rows::Disk(file) => Place::Disk(file.scratch()),
         }
     }
 
