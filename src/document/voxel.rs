@@ -48,7 +48,7 @@ pub struct VoxelDocument {
     pub thin_wall_min_m: Option<f64>,
     /// These walls, the thinnest first.
     pub thin_walls: Vec<WallRecord>,
-    /// Light that passes closed surfaces, W, in the channel where it is the greatest share.
+    /// Light that passes closed surfaces or is lost in a closed scene, W, in the channel where it is the greatest share.
     pub leak_power_w: f64,
     /// The part of what is emitted in that channel that it is.
     pub leak_share: f64,

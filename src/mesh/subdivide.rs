@@ -132,6 +132,11 @@ pub(super) fn count(options: MeshOptions, contact_edges: &ContactEdges<'_>) -> R
     Ok(n_patches as u64)
 }
 
+/// The most patches along a slender face that is cut in pieces, for one part of each edge.
+///
+/// As long as wide, patches of a needle would be as many as it is longer than wide.
+const MOST_IN_LENGTH: f64 = 4.0;
+
 /// The pieces of a face, and the subdivision of each.
 struct CutFace<'a> {
     pieces: &'a Pieces,
@@ -148,7 +153,10 @@ fn pieces<'a>(options: MeshOptions, contact_edges: &'a ContactEdges<'_>) -> BTre
             // Of a square with the area of a patch, and of the legs of a triangle.
             Subdivision::Uniform(n) => {
                 let area = contact_edges.scene.area_vector(face).length();
-                (if pieces.face.len() == 4 { area } else { 2.0 * area }).sqrt() / f64::from(n)
+                let side = (if pieces.face.len() == 4 { area } else { 2.0 * area }).sqrt();
+                let corners = pieces.face.iter().zip(pieces.face.iter().cycle().skip(1));
+                let lengths = corners.map(|(corner, next)| corner.flat.distance(next.flat));
+                side.max(lengths.fold(0.0, f64::max) / MOST_IN_LENGTH) / f64::from(n)
             }
             Subdivision::MaxEdge(longest) => longest,
         };

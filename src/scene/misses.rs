@@ -10,11 +10,20 @@ use crate::geometry::polygon::{self, is_along_axis};
 /// The length, in units of the last digit, below which outlines and edges are no evidence: a unit is a part of their shape.
 const MIN_UNITS: f64 = 100.0;
 
-/// The same for a turned rectangle: its four corners must be right angles to 6 degrees or better.
+/// The same where most of several outlines, of numbers with places after the point, agree.
+const FEW_UNITS: f64 = 10.0;
+
+/// The fewest outlines that agree.
+const AGREEING: u32 = 3;
+
+/// The same length for a turned rectangle: its four corners must be right angles to 6 degrees or better.
 const MIN_SIDE: f64 = 30.0;
 
 /// The least share of rectangles that miss a right angle among pairs of triangles that form a quadrilateral: in an irregular mesh some do by chance.
 const MIN_SHARE: f64 = 0.25;
+
+/// The same for rectangles whose sides have few units.
+const MIN_SHARE_OF_SMALL: f64 = 0.75;
 
 /// The rounding of f64 in heights and cosines that are 0.
 const NOISE: f64 = 1e-12;
@@ -27,6 +36,10 @@ pub(super) struct Misses {
     n_nearly_flat: usize,
     /// The number of outlines that are bent by more, deliberately.
     n_bent: usize,
+    /// The number of outlines of few units that are bent by at most one.
+    n_small_nearly_flat: u32,
+    /// The number of those that are bent by more, or are flat although they lie along no axis.
+    n_small_others: u32,
     /// The number of turned rectangles whose corners miss a right angle.
     n_nearly_square: usize,
 }
@@ -41,15 +54,23 @@ impl Misses {
         let unit = written.unit(low.abs().max(high.abs()).max_element());
         let size = low.distance(high);
         let bend = polygon::planarity_error(corners);
-        if size >= MIN_UNITS * unit && bend > NOISE * size.max(high.abs().max_element()) {
+        let is_bent = bend > NOISE * size.max(high.abs().max_element());
+        let is_tilted = (high - low).min_element() > 0.0;
+        if size >= MIN_UNITS * unit && is_bent {
             if bend <= unit {
                 self.n_nearly_flat += 1;
             } else {
                 self.n_bent += 1;
             }
+        } else if size >= FEW_UNITS * unit && is_tilted && written.has_places() {
+            if is_bent && bend <= unit {
+                self.n_small_nearly_flat += 1;
+            } else {
+                self.n_small_others += 1;
+            }
         }
         if let [a, b, c, d] = *corners {
-            self.n_nearly_square += usize::from(is_nearly_square([b - a, c - b, d - c, a - d], unit));
+            self.n_nearly_square += usize::from(is_nearly_square([b - a, c - b, d - c, a - d], MIN_SIDE, unit));
         }
     }
 
@@ -58,6 +79,7 @@ impl Misses {
     /// Work: O(n log n) for n faces, unless boxes around edges meet many vertices.
     pub(super) fn show_rounding(self, scene: &Scene, written: &Written) -> bool {
         self.n_nearly_flat > self.n_bent
+            || self.n_small_nearly_flat >= AGREEING.max(self.n_small_others + 1)
             || self.n_nearly_square > 0
             || has_nearly_square_halves(scene, written)
             || has_vertex_beside_edge(scene, written)
@@ -65,7 +87,9 @@ impl Misses {
 }
 
 /// Returns whether the corners between four edges, none along an axis, are right angles up to an error of a unit at their ends.
-fn is_nearly_square(edges: [DVec3; 4], unit: f64) -> bool {
+///
+/// All are at least `min_side` units long.
+fn is_nearly_square(edges: [DVec3; 4], min_side: f64, unit: f64) -> bool {
     if edges.iter().any(|&edge| is_along_axis(edge)) {
         return false;
     }
@@ -73,7 +97,7 @@ fn is_nearly_square(edges: [DVec3; 4], unit: f64) -> bool {
         let (one, next) = (edges[k], edges[(k + 1) % 4]);
         let (a, b) = (one.length(), next.length());
         let is_near = one.dot(next).abs() <= 1.5 * unit * (a + b);
-        (is_near && a.min(b) >= MIN_SIDE * unit).then(|| one.dot(next).abs() / (a * b))
+        (is_near && a.min(b) >= min_side * unit).then(|| one.dot(next).abs() / (a * b))
     };
     let cosines = [off(0), off(1), off(2), off(3)];
     cosines.iter().all(Option::is_some) && cosines.iter().flatten().any(|&cosine| cosine > NOISE)
@@ -85,7 +109,7 @@ fn has_nearly_square_halves(scene: &Scene, written: &Written) -> bool {
     let at = |v: u32| scene.vertices[v as usize];
     // The corner opposite the longest edge, by that edge.
     let mut apex_of: HashMap<[u32; 2], u32> = HashMap::new();
-    let (mut n_pairs, mut n_nearly_square) = (0_u32, 0_u32);
+    let (mut n_pairs, mut n_nearly_square, mut n_small) = (0_u32, 0_u32, 0_u32);
     for face in &scene.faces {
         let Corners::Triangle(corners) = face.corners else {
             continue;
@@ -101,11 +125,14 @@ fn has_nearly_square_halves(scene: &Scene, written: &Written) -> bool {
             let edges = [b - a, c - b, d - c, a - d];
             // An edge along an axis keeps right angles exact, so upright walls are no evidence.
             n_pairs += u32::from(!edges.into_iter().any(is_along_axis));
-            n_nearly_square += u32::from(is_nearly_square(edges, unit));
+            n_nearly_square += u32::from(is_nearly_square(edges, MIN_SIDE, unit));
+            n_small += u32::from(is_nearly_square(edges, FEW_UNITS, unit));
         }
         apex_of.insert([from, to], apex);
     }
-    n_nearly_square > 0 && f64::from(n_nearly_square) >= MIN_SHARE * f64::from(n_pairs)
+    let share = |n: u32| f64::from(n) / f64::from(n_pairs);
+    (n_nearly_square > 0 && share(n_nearly_square) >= MIN_SHARE)
+        || (written.has_places() && n_small >= AGREEING && share(n_small) >= MIN_SHARE_OF_SMALL)
 }
 
 /// Returns whether a vertex lies less than a unit off an edge of a face to which it does not belong.
@@ -238,6 +265,49 @@ mod tests {
         assert!(!shows_rounding(&[&turned(&bent, DQuat::IDENTITY)], |x| format!(
             "{x:.2}"
         )));
+    }
+
+    /// Boxes of few units of the last digit: one turned off all axes, whole and in triangles; one along the axes; a warped ground.
+    #[test]
+    fn several_small_outlines_that_agree_show_it() {
+        let tilted = DQuat::from_axis_angle(DVec3::new(2.0, 1.0, 2.0) / 3.0, 0.9);
+        let corner = |k: usize| DVec3::new((k & 1) as f64 * 2.5, (k >> 1 & 1) as f64 * 2.0, (k >> 2) as f64 * 2.2);
+        let sides = [
+            [0, 2, 3, 1],
+            [4, 5, 7, 6],
+            [0, 1, 5, 4],
+            [2, 6, 7, 3],
+            [0, 4, 6, 2],
+            [1, 3, 7, 5],
+        ];
+        for (turn, expected) in [(tilted, true), (DQuat::IDENTITY, false)] {
+            let quads: Vec<Vec<DVec3>> = sides
+                .iter()
+                .map(|side| side.iter().map(|&k| turn * corner(k)).collect())
+                .collect();
+            let halves = quads
+                .iter()
+                .flat_map(|q| [vec![q[0], q[1], q[2]], vec![q[2], q[3], q[0]]]);
+            for outlines in [quads.clone(), halves.collect()] {
+                let outlines: Vec<&[DVec3]> = outlines.iter().map(Vec::as_slice).collect();
+                assert_eq!(
+                    shows_rounding(&outlines, |x| format!("{x:.1}")),
+                    expected,
+                    "{turn} {}",
+                    outlines.len()
+                );
+                // Whole numbers are exact.
+                assert!(!shows_rounding(&outlines, |x| format!("{:.0}", 10.0 * x)));
+            }
+        }
+        let height = |i: usize, j: usize| ((i * 7 + j * 5) % 4) as f64 * 0.3;
+        let at = |i: usize, j: usize| DVec3::new(i as f64 * 2.0, j as f64 * 2.0, height(i, j));
+        let ground: Vec<Vec<DVec3>> = (0..9)
+            .map(|k| (k / 3, k % 3))
+            .map(|(i, j)| vec![at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)])
+            .collect();
+        let ground: Vec<&[DVec3]> = ground.iter().map(Vec::as_slice).collect();
+        assert!(!shows_rounding(&ground, |x| format!("{x:.1}")));
     }
 
     #[test]

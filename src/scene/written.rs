@@ -137,8 +137,13 @@ impl Written {
     ///
     /// 100000 and 100000.0 need none.
     pub(super) fn is_rounded(&self, least_digits: i32) -> bool {
-        let has_digits = self.needed >= least_digits && self.places.is_some_and(|places| places.0 > 0);
+        let has_digits = self.needed >= least_digits && self.has_places();
         has_digits || self.is_binary_single || self.least > 0.0
+    }
+
+    /// Returns whether numbers have places after the point.
+    pub(super) fn has_places(&self) -> bool {
+        self.places.is_some_and(|places| places.0 > 0)
     }
 
     /// Returns one unit in the last place of a coordinate of a magnitude, both in m: twice its greatest rounding. 0 if no number was recorded.

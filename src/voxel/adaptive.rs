@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::cell_operator::{CellLinks, CellOperator};
 use super::cells::{Cells, place};
 use super::discretize::VoxelScene;
+use super::operator::LeakPower;
 use super::radiosity::{Form, propagate};
 use super::sphere::DiscreteSphere;
 use super::weights::RowWeights;
@@ -48,9 +49,8 @@ pub struct Adaptive {
     pub n_escaped: u64,
     /// The memory of the links.
     pub link_byte: u64,
-    /// The power that links carry between regions of air that surfaces close off from each other, W, \[c\]; see
-    /// [`LinkOperator::leak_power`](super::LinkOperator::leak_power).
-    pub leak_power: Vec<f64>,
+    /// See [`LinkOperator::leak_power`](super::LinkOperator::leak_power).
+    pub leak_power: LeakPower,
     /// The changes of the last propagations; see [`Propagation::changes`](super::Propagation::changes).
     pub changes: Vec<f64>,
 }

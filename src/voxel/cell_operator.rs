@@ -4,7 +4,7 @@ use super::cells::Cells;
 use super::discretize::VoxelScene;
 use super::line::Direction;
 use super::links::{Row, Tally, for_each_seen, prepared};
-use super::operator::{Gather, add_leak, gather_row, summed};
+use super::operator::{Gather, LeakPower, add_leak, gather_row};
 use super::sphere::DiscreteSphere;
 use super::weights::{RowWeights, Weights};
 use crate::matrix::operator::{Block, LinearOperator, RowAccess};
@@ -80,26 +80,25 @@ impl<'a> CellOperator<'a> {
         }
     }
 
-    /// Returns the power that links carry between regions of air that surfaces close off from each other, W, \[c\].
+    /// Returns the power that links carry where none goes, W.
     ///
     /// It is that of [`LinkOperator::leak_power`](super::LinkOperator::leak_power), of cells.
-    pub(super) fn leak_power(&self, radiosity: &Block) -> Vec<f64> {
+    pub(super) fn leak_power(&self, radiosity: &Block) -> LeakPower {
         let n_channels = radiosity.n_channels();
-        let n = if self.voxels.regions.is_some() {
+        let n = if self.voxels.may_leak() {
             self.cells.n_cells()
         } else {
             0
         };
         let of_cell = |cell: usize| {
-            let mut power = vec![0.0; n_channels];
+            let mut power = LeakPower::new(n_channels, 0.0);
             let surfel = self.cells.representative(cell);
             let (area, row) = (self.cells.areas()[cell], &self.links.rows[surfel]);
             let of_seen = |seen: usize| radiosity.row(self.cells.cell_of(seen));
             add_leak(self.voxels, &self.weights, surfel, row, area, of_seen, &mut power);
             power
         };
-        let of_cells: Vec<Vec<f64>> = threads::collect(n, of_cell);
-        summed(&of_cells, n_channels)
+        LeakPower::sum(&threads::collect(n, of_cell), n_channels)
     }
 }
 

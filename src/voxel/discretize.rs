@@ -125,6 +125,8 @@ pub struct VoxelScene {
     sides: Vec<Facts>,
     /// The closed-off regions of air, if there are thin walls and surfaces face several regions.
     pub(super) regions: Option<Regions>,
+    /// True if the scene is known to be closed, so that no link may leave it.
+    pub(super) is_closed: bool,
 }
 
 impl VoxelScene {
@@ -173,6 +175,7 @@ impl VoxelScene {
             normal_of: Vec::new(),
             sides: Vec::new(),
             regions: None,
+            is_closed: false,
         };
         made.put_surfels(scene, &pieces, None);
         let found = thin::find(scene, &made);
@@ -184,6 +187,11 @@ impl VoxelScene {
             made.regions = Regions::new(&made, &sides);
         }
         Ok(made)
+    }
+
+    /// Says that the scene is closed: links that leave it then carry light that is [lost](super::LinkOperator::leak_power).
+    pub fn expect_closed(&mut self) {
+        self.is_closed = true;
     }
 
     /// Makes the surfels of all pieces, one for each side where `sides` are known.

@@ -320,7 +320,18 @@ impl Row {
 
 /// Calls `seen` with the number of each link of surfel `surfel` that ends at the front of a surfel, and that surfel, in the links' order.
 #[inline]
-pub(super) fn for_each_seen(row: &[u8], surfel: usize, mut seen: impl FnMut(usize, usize)) {
+pub(super) fn for_each_seen(row: &[u8], surfel: usize, seen: impl FnMut(usize, usize)) {
+    for_each_end(row, surfel, seen, |_| {});
+}
+
+/// As [`for_each_seen`], and calls `unseen` with the number of each link that ends at a back or leaves the scene.
+#[inline]
+pub(super) fn for_each_end(
+    row: &[u8],
+    surfel: usize,
+    mut seen: impl FnMut(usize, usize),
+    mut unseen: impl FnMut(usize),
+) {
     #[expect(clippy::cast_possible_truncation, reason = "surfels are counted in 32 bits")]
     let mut last = surfel as u32;
     let mut bytes = row.iter();
@@ -343,6 +354,8 @@ pub(super) fn for_each_seen(row: &[u8], surfel: usize, mut seen: impl FnMut(usiz
             let difference = unzigzag((code - u64::from(FIRST)) as u32);
             last = last.wrapping_add(difference.cast_unsigned());
             seen(k, last as usize);
+        } else {
+            unseen(k);
         }
         k += 1;
     }

@@ -51,7 +51,7 @@ pub use line::Direction;
 pub use links::Links;
 pub use materials::Materials;
 pub use octree::Octree;
-pub use operator::{Gather, LinkOperator};
+pub use operator::{Gather, LeakPower, LinkOperator};
 pub use picture::picture;
 pub use radiosity::{Form, Propagation, propagate};
 pub use sight::Sight;

@@ -1,7 +1,7 @@
 //! The form factors of the links, as an operator for all solvers.
 
 use super::discretize::VoxelScene;
-use super::links::{Links, ROWS_PER_CHUNK, for_each_seen};
+use super::links::{Links, ROWS_PER_CHUNK, for_each_end, for_each_seen};
 use super::sphere::DiscreteSphere;
 use super::weights::{RowWeights, Weights};
 use crate::matrix::operator::{Block, LinearOperator, RowAccess};
@@ -46,23 +46,24 @@ impl<'a> LinkOperator<'a> {
         }
     }
 
-    /// Returns the power that links carry between regions of air that surfaces close off from each other, W, \[c\].
+    /// Returns the power that links carry between regions of air that surfaces close off from each other, and out of a closed scene, W.
     ///
     /// Σ_x A_x Σ_v B(I(x, v)) cos θ(x, v) A(v) over the links whose ends look into different regions, exactly: 0 unless lines leak. The regions are found without lines.
+    /// Where the scene is [known to be closed](VoxelScene::expect_closed), with B(x) over the links that leave it or end at backs: what x sends there is lost.
     /// Links that end in a sub-voxel gap, which has no region, are not counted. NaN where links cannot be read; see [`Links::failure`].
     ///
     /// `radiosity`: B, W·m⁻², \[n, c\].
     #[must_use]
-    pub fn leak_power(&self, radiosity: &Block) -> Vec<f64> {
+    pub fn leak_power(&self, radiosity: &Block) -> LeakPower {
         let n_channels = radiosity.n_channels();
         let n = self.scene.n_surfels();
-        let n_chunks = if self.scene.regions.is_some() {
+        let n_chunks = if self.scene.may_leak() {
             n.div_ceil(ROWS_PER_CHUNK)
         } else {
             0
         };
         let of_chunk = |k: usize| {
-            let mut power = vec![0.0; n_channels];
+            let mut power = LeakPower::new(n_channels, 0.0);
             let rows = k * ROWS_PER_CHUNK..((k + 1) * ROWS_PER_CHUNK).min(n);
             let done = self.links.with_chunk(self.scene, k, |chunk| {
                 for surfel in rows {
@@ -79,12 +80,11 @@ impl<'a> LinkOperator<'a> {
                 }
             });
             if done.is_none() {
-                power.fill(f64::NAN);
+                power = LeakPower::new(n_channels, f64::NAN);
             }
             power
         };
-        let of_chunks: Vec<Vec<f64>> = threads::collect(n_chunks, of_chunk);
-        summed(&of_chunks, n_channels)
+        LeakPower::sum(&threads::collect(n_chunks, of_chunk), n_channels)
     }
 
     /// Returns the scene.
@@ -94,7 +94,48 @@ impl<'a> LinkOperator<'a> {
     }
 }
 
-/// Adds to `power` the power that the links of a surfel of an area bring from other regions of air.
+/// The power of light that goes where none does, W, \[c\].
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeakPower {
+    /// Between regions of air that surfaces close off from each other.
+    pub passed: Vec<f64>,
+    /// Out of, or to backs in, a scene that is [known to be closed](VoxelScene::expect_closed).
+    pub lost: Vec<f64>,
+}
+
+impl LeakPower {
+    pub(super) fn new(n_channels: usize, power: f64) -> Self {
+        Self {
+            passed: vec![power; n_channels],
+            lost: vec![power; n_channels],
+        }
+    }
+
+    /// Adds up powers in their order, so that the sum does not depend on the threads.
+    pub(super) fn sum(parts: &[Self], n_channels: usize) -> Self {
+        let mut all = Self::new(n_channels, 0.0);
+        for part in parts {
+            add(&mut all.passed, &part.passed, 1.0);
+            add(&mut all.lost, &part.lost, 1.0);
+        }
+        all
+    }
+}
+
+fn add(sums: &mut [f64], terms: &[f64], factor: f64) {
+    for (sum, term) in sums.iter_mut().zip(terms) {
+        *sum += factor * term;
+    }
+}
+
+impl VoxelScene {
+    /// Returns whether links may carry light where none goes.
+    pub(super) fn may_leak(&self) -> bool {
+        self.regions.is_some() || self.is_closed
+    }
+}
+
+/// Adds the power that the links of a surfel of an area bring from other regions of air, and lose in a closed scene.
 pub(super) fn add_leak<'b>(
     scene: &VoxelScene,
     weights: &Weights<'_>,
@@ -102,28 +143,20 @@ pub(super) fn add_leak<'b>(
     row: &[u8],
     area: f64,
     radiosity: impl Fn(usize) -> &'b [f64],
-    power: &mut [f64],
+    power: &mut LeakPower,
 ) {
     weights.with(surfel, |of_link| {
-        for_each_seen(row, surfel, |k, seen| {
+        let mut lost = 0.0;
+        let parted = |k: usize, seen: usize| {
             if scene.are_parted(surfel, seen) {
-                for (sum, b) in power.iter_mut().zip(radiosity(seen)) {
-                    *sum += area * of_link[k] * b;
-                }
+                add(&mut power.passed, radiosity(seen), area * of_link[k]);
             }
-        });
-    });
-}
-
-/// Adds up powers in their order, so that the sum does not depend on the threads.
-pub(super) fn summed(powers: &[Vec<f64>], n_channels: usize) -> Vec<f64> {
-    let mut sums = vec![0.0; n_channels];
-    for power in powers {
-        for (sum, p) in sums.iter_mut().zip(power) {
-            *sum += p;
+        };
+        for_each_end(row, surfel, parted, |k| lost += area * of_link[k]);
+        if scene.is_closed {
+            add(&mut power.lost, radiosity(surfel), lost);
         }
-    }
-    sums
+    });
 }
 
 /// Adds Σ_v B(I(x, v)) cos θ A of a surfel's links to `sums`, one per channel; `unknown` returns the row of `x` that is a surfel's radiosity.
@@ -331,7 +364,7 @@ mod tests {
                 });
                 by_hand += kept.surfels[s].area * sum;
             }
-            assert!((power[0] - by_hand).abs() <= 1e-12 * by_hand);
+            assert!((power.passed[0] - by_hand).abs() <= 1e-12 * by_hand);
             Leak::new(&power, kept, &e)
         };
         let tight = leak_of(&voxels);
@@ -339,5 +372,32 @@ mod tests {
         voxels.normal_of.iter_mut().for_each(|normal| *normal &= !THIN);
         let leaky = leak_of(&voxels);
         assert!(leaky.share > 0.01 && leaky.is_too_much(), "{leaky:?}");
+    }
+
+    /// A turned cube of few voxels, at whose edges lines escape or meet backs: what is lost explains what a furnace lacks.
+    #[test]
+    fn light_that_is_lost_in_a_closed_scene_is_counted() {
+        let turn = glam::DQuat::from_axis_angle(glam::DVec3::new(2.0, 1.0, 2.0) / 3.0, 0.9);
+        let mut scene = crate::scene::builtin::build("cube", None).unwrap().scene;
+        scene.vertices.iter_mut().for_each(|v| *v = turn * *v);
+        let mut voxels = VoxelScene::new(&scene, 20).unwrap();
+        let sphere = DiscreteSphere::new(8, SolidAngle::Exact).unwrap();
+        let links = Links::in_memory(&voxels, &sphere, &Silent);
+        assert!(links.n_escaped().unwrap() > 0);
+        let n = voxels.n_surfels();
+        let (rho, e) = (Block::from_values(vec![0.9; n], 1), Block::from_values(vec![0.1; n], 1));
+        let leak = |voxels: &VoxelScene| {
+            let operator = LinkOperator::new(voxels, &sphere, &links, RowWeights::Normalised);
+            let solved = propagate(&operator, &rho, &e, Form::InPlace, 200, &Silent);
+            let absorbed = |s: usize| voxels.surfels[s].area * 0.1 * (1.0 - solved.irradiance.row(s)[0]);
+            let missing: f64 = (0..n).map(absorbed).sum();
+            (Leak::new(&operator.leak_power(&solved.radiosity), voxels, &e), missing)
+        };
+        assert_eq!(leak(&voxels).0, Leak::default());
+        voxels.expect_closed();
+        let (lost, missing) = leak(&voxels);
+        assert!(lost.is_too_much() && lost.passed_share.to_bits() == 0, "{lost:?}");
+        // Surfels that lose light are seen less, too, so that others lack less than they lose.
+        assert!(lost.power > missing && lost.power < 3.0 * missing, "{lost:?} {missing}");
     }
 }

@@ -15,6 +15,7 @@ use rayon::prelude::*;
 
 use super::discretize::{Piece, Pieces, Surfel, VoxelScene, each_crossing};
 use super::grid::{MAX_VOXELS, Voxel, to_u32};
+use super::operator::LeakPower;
 use crate::geometry::polygon;
 use crate::matrix::operator::Block;
 use crate::scene::{FaceId, Scene, SurfaceId};
@@ -34,39 +35,47 @@ pub struct ThinWall {
     pub n_surfels: usize,
 }
 
-/// Light that passes between regions of air that surfaces close off from each other.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Light that passes between regions of air that surfaces close off from each other, or is lost in a closed scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Leak {
-    /// The power that passes, W, in the channel where its share is greatest.
+    /// The power that passes or is lost, W, in the channel where its share is greatest.
     pub power: f64,
     /// That power as a share of the emitted power in the channel.
     pub share: f64,
+    /// The share that passes between regions of air.
+    pub passed_share: f64,
 }
 
-/// The share of the emitted power above which a leak makes a result wrong.
-const MAX_LEAK: f64 = 1e-3;
+/// The share of the emitted power above which light through walls makes a result wrong.
+const MAX_PASSED: f64 = 1e-3;
+
+/// The same of light that is lost in a closed scene: the coarse voxels of a furnished room lose a few hundredths.
+const MAX_LOST: f64 = 0.1;
 
 impl Leak {
     /// Compares the power that leaks with the emitted power of the surfels, both by channel.
     ///
-    /// `power`: W, \[c\], as [`LinkOperator::leak_power`](super::LinkOperator::leak_power) returns it; `exitance`: E, W·m⁻², \[n, c\].
+    /// `exitance`: E, W·m⁻², \[n, c\].
     #[must_use]
-    pub fn new(power: &[f64], voxels: &VoxelScene, exitance: &Block) -> Self {
-        let of_channel = |(c, &leaking): (usize, &f64)| {
+    pub fn new(power: &LeakPower, voxels: &VoxelScene, exitance: &Block) -> Self {
+        let of_channel = |(c, (&passed, &lost)): (usize, (&f64, &f64))| {
             let emitted = |(k, s): (usize, &Surfel)| s.area * exitance.row(k)[c];
             let emitted: f64 = voxels.surfels.iter().enumerate().map(emitted).sum();
-            let share = if leaking > 0.0 { leaking / emitted } else { leaking };
-            Self { power: leaking, share }
+            let of_emitted = |power: f64| if power > 0.0 { power / emitted } else { power };
+            Self {
+                power: passed + lost,
+                share: of_emitted(passed + lost),
+                passed_share: of_emitted(passed),
+            }
         };
-        let all = power.iter().enumerate().map(of_channel);
-        all.max_by(|a, b| a.share.total_cmp(&b.share))
-            .unwrap_or(Self { power: 0.0, share: 0.0 })
+        let all = power.passed.iter().zip(&power.lost).enumerate().map(of_channel);
+        all.max_by(|a, b| a.share.total_cmp(&b.share)).unwrap_or_default()
     }
 
-    /// Returns whether the leak is above a thousandth of the emitted power.
+    /// Returns whether more than a thousandth of the emitted power passes walls, or more than a tenth leaks in all.
     #[must_use]
     pub fn is_too_much(&self) -> bool {
-        self.share.is_nan() || self.share > MAX_LEAK
+        self.share.is_nan() || self.share > MAX_LOST || self.passed_share > MAX_PASSED
     }
 }
 

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use super::{Context, Memory, Parameter, Warning, WorkflowError};
 use crate::form_factor::Input;
+use crate::geometry::polygon;
 use crate::matrix::operator::Block;
-use crate::mesh::{ContactEdges, Mesh, MeshOptions, Patch};
+use crate::mesh::{ContactEdges, Mesh, MeshOptions, Patch, PatchId};
 use crate::plan::Plan;
 use crate::report::memory_used_byte;
 use crate::scene::{
@@ -305,7 +306,11 @@ impl Model {
             return;
         }
         let offset = self.visibility.offset();
-        let widths = self.mesh.patches.iter().map(|patch| patch.area.sqrt());
+        // Four times the area over the border: the side of a square, and the width of a needle.
+        let widths = self.mesh.patches.iter().enumerate().map(|(i, patch)| {
+            let corners = self.mesh.polygon(PatchId::from_index(i));
+            4.0 * patch.area / polygon::perimeter(&corners)
+        });
         let width = widths.fold(f64::INFINITY, f64::min);
         if offset > MAX_OFFSET * width {
             cx.warn(Warning::FarStart { offset, width });

@@ -12,8 +12,8 @@ use crate::solver::{
     self, RadiositySystem, Solution, SolveOptions, SolverError, SolverSettings, StopReason, Tolerance,
 };
 use crate::voxel::{
-    AdaptiveSettings, DiscreteSphere, Form, Leak, LinkOperator, Links, Materials, RowWeights, SolidAngle, ThinGap,
-    VoxelScene, propagate, solve_adaptively,
+    AdaptiveSettings, DiscreteSphere, Form, Leak, LeakPower, LinkOperator, Links, Materials, RowWeights, SolidAngle,
+    ThinGap, VoxelScene, propagate, solve_adaptively,
 };
 
 /// The relative amount of unshot light above which there is a warning.
@@ -163,8 +163,8 @@ struct Lit {
     radiosity: Block,
     irradiance: Block,
     result: VoxelResult,
-    /// The power that passes through closed surfaces, W, by channel.
-    leak_power: Vec<f64>,
+    /// The power of light that goes where none does.
+    leak_power: LeakPower,
 }
 
 impl Model {
@@ -175,7 +175,10 @@ impl Model {
     pub fn solve_on_voxels(&mut self, request: &VoxelRequest, cx: &mut Context) -> Result<VoxelStudy, WorkflowError> {
         self.state_closure(request.closure, cx)?;
         voxel_links::expect_voxels(self, request, cx)?;
-        let voxels = cx.time("discretise", || VoxelScene::new(&self.scene, request.n_voxels))?;
+        let mut voxels = cx.time("discretise", || VoxelScene::new(&self.scene, request.n_voxels))?;
+        if self.plan.watertight {
+            voxels.expect_closed();
+        }
         let sphere = DiscreteSphere::new(request.radius, request.solid_angle)?;
         let place = voxel_links::choose(self, &voxels, &sphere, request, cx)?;
         request.note_settings(cx);
@@ -230,7 +233,7 @@ impl Model {
             let n_links = links.n_links;
             cx.warn(Warning::EscapingLinks { n_escaped, n_links });
         }
-        cx.audited(audit::sides(&lit.leak_power));
+        cx.audited(audit::sides(&lit.leak_power.passed));
         let leak = Leak::new(&lit.leak_power, &voxels, &materials.exitance);
         warn_of_leak(&voxels, &leak, cx);
         Ok(VoxelStudy {

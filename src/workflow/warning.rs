@@ -275,7 +275,7 @@ pub enum Warning {
         /// The number of all links.
         n_links: u64,
     },
-    /// Light passes through closed surfaces.
+    /// Light passes through closed surfaces, or is lost in a closed scene.
     PassedWalls {
         /// The power, W.
         power: f64,

@@ -224,7 +224,7 @@ impl Warning {
             }
             Self::EscapingLinks { n_escaped, n_links } => {
                 let share = 100.0 * *n_escaped as f64 / (*n_links).max(1) as f64;
-                format!("{n_escaped} links ({share:.2} %) leave a closed scene, so their power is lost; {larger}")
+                format!("{n_escaped} links ({share:.2} %) leave a closed scene; {larger}")
             }
             Self::PassedWalls {
                 power,
@@ -238,7 +238,7 @@ impl Warning {
                 );
                 let enough = enough.map_or_else(|| "larger".to_owned(), |n| n.to_string());
                 format!(
-                    "{power:.1e} W, {share:.1e} of the emitted power, passes{wall}, so surfaces behind them are too bright; give {}",
+                    "{power:.1e} W, {share:.1e} of the emitted power, leaks through{wall}, or is lost; give {}",
                     named(Parameter::Voxels, Some(&enough))
                 )
             }

@@ -405,3 +405,27 @@ fn a_wall_with_a_straight_corner_stands_on_the_floor() {
         "{areas:?}"
     );
 }
+
+/// A needle through a wall is cut into a few patches along it, and not into as many as it is longer than wide.
+#[test]
+fn a_needle_through_a_wall_stays_a_few_patches() {
+    for width in [1e-1, 1e-3, 1e-5] {
+        let vertices = [
+            [0.0, -1.0, -1.0],
+            [0.0, 1.0, -1.0],
+            [0.0, 1.0, 1.0],
+            [0.0, -1.0, 1.0],
+            [-1.5, 0.0, 0.0],
+            [1.5, 0.0, 0.0],
+            [1.5, width, 0.0],
+            [-1.5, width, 0.0],
+        ];
+        let vertices: Vec<DVec3> = vertices.map(DVec3::from_array).to_vec();
+        for needle in [Corners::Triangle([4, 5, 6]), Corners::Quad([4, 5, 6, 7])] {
+            let both = scene(vertices.clone(), &[Corners::Quad([0, 1, 2, 3]), needle]);
+            let mesh = Mesh::new(&both, cut(Subdivision::Uniform(1))).unwrap();
+            let n = mesh.patches.iter().filter(|patch| patch.face == FaceId(1)).count();
+            assert!((2..=32).contains(&n), "{width} {needle:?}: {n}");
+        }
+    }
+}
