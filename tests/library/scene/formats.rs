@@ -419,6 +419,24 @@ fn formats_are_known_by_content_then_by_suffix() {
 
 /// The L-shaped room of View3D's manual, once by vertices and once by origins and angles, and its parts that are combined.
 #[test]
+fn keywords_of_stl_are_read_in_any_case() {
+    let directory = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(file("triangles-trimesh-ascii.stl")).unwrap();
+    for (name, text) in [
+        ("a.stl", text.to_uppercase()),
+        ("b", text.replacen("solid", "Solid", 1)),
+    ] {
+        let path = directory.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        let loaded = load(&path).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(
+            loaded.scene.faces.len(),
+            read("triangles-trimesh-ascii.stl").scene.faces.len()
+        );
+    }
+}
+
+#[test]
 fn view3d_has_its_surfaces_parts_and_emissivities() {
     let names = [
         "south",
