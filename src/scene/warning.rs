@@ -143,6 +143,14 @@ pub enum SceneWarningKind {
         /// The name of the file that was read.
         used: String,
     },
+    /// A material library lies outside the scene's folder: a file of its name beside the scene was read.
+    #[error("material library `{}` lies outside the scene's folder; `{}` beside the scene is read in its place; --allow-outside reads the other", quoted(.name), quoted(.used))]
+    LibraryOutside {
+        /// The name in the file.
+        name: String,
+        /// The name of the file that was read.
+        used: String,
+    },
     /// A material library does not exist.
     #[error("material library `{}` is not there; its materials reflect 0.5", quoted(.name))]
     MissingLibrary {

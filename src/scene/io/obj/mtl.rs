@@ -38,7 +38,7 @@ pub(super) struct Definitions {
 }
 
 impl Definitions {
-    /// Reads the libraries that a scene file names; one that does not exist, or is found elsewhere, causes a warning.
+    /// Reads the libraries that a scene file names; one that does not exist, or another in its place, causes a warning.
     pub(super) fn read_all(
         libraries: &[NamedLine],
         scene_file: &Path,
@@ -57,10 +57,12 @@ impl Definitions {
                     file
                 } else if let Some(found) = beside() {
                     let used = found.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                    warnings.push(SceneWarning::new(
-                        Origin::line(own, line),
-                        SceneWarningKind::LibraryElsewhere { name: name_there, used },
-                    ));
+                    let kind = if is_there {
+                        SceneWarningKind::LibraryOutside { name: name_there, used }
+                    } else {
+                        SceneWarningKind::LibraryElsewhere { name: name_there, used }
+                    };
+                    warnings.push(SceneWarning::new(Origin::line(own, line), kind));
                     found
                 } else if is_there {
                     return Err(SceneError::new(
