@@ -113,7 +113,7 @@ fn join(polygons: &mut Polygons, file: &Path, options: &LoadOptions) -> Option<V
             *corner = welded.first[*corner as usize];
         }
         if welded.n_moved > 0 {
-            polygons.written.at_least(2.0 * welded.moved);
+            polygons.written.join_over(welded.moved);
             polygons.warnings.push(warn(SceneWarningKind::MergedVertices {
                 count: welded.n_moved,
                 distance: welded.moved,
