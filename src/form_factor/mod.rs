@@ -213,7 +213,7 @@ impl fmt::Display for RoundingDoubt {
         let (cause, remedy) = match (self.joined_m, self.written) {
             (Some(joined), _) => (
                 format!("vertices are joined over up to {joined:.1e} m"),
-                "join them within a smaller --merge-tolerance",
+                "give a smaller --merge-tolerance",
             ),
             (None, Some(written)) => (format!("coordinates are rounded {written}"), MORE_DIGITS),
             (None, None) => ("quads are not flat, or faces miss each other".to_owned(), MORE_DIGITS),
