@@ -234,22 +234,30 @@ fn scan(text: &str, file: &Path, max_exitance: f64) -> Result<Vec<(String, Defin
             ("Kd", last) => {
                 let (value, last) = rgb(&s, "Kd", file, last)?;
                 if let Some(value) = value.into_iter().find(|x| !(0.0..=1.0).contains(x)) {
-                    return refused(SceneErrorKind::ReflectanceOutOfRange { value });
+                    return refused(SceneErrorKind::ReflectanceOutOfRange { keyword: "Kd", value });
                 }
                 last.reflectance = Some(value);
             }
             ("Ke", last) => {
                 let (value, last) = rgb(&s, "Ke", file, last)?;
                 if let Some(value) = value.into_iter().find(|x| !x.is_finite() || *x < 0.0) {
-                    return refused(SceneErrorKind::ExitanceOutOfRange { value });
+                    return refused(SceneErrorKind::ExitanceOutOfRange { keyword: "Ke", value });
                 }
                 if let Some(value) = value.into_iter().find(|x| *x > max_exitance) {
                     let limit = max_exitance;
-                    return refused(SceneErrorKind::TooBright { value, limit });
+                    return refused(SceneErrorKind::TooBright {
+                        keyword: "Ke",
+                        value,
+                        limit,
+                    });
                 }
                 if let Some(value) = value.into_iter().find(|x| is_too_dim(*x)) {
                     let limit = MIN_EXITANCE;
-                    return refused(SceneErrorKind::TooDim { value, limit });
+                    return refused(SceneErrorKind::TooDim {
+                        keyword: "Ke",
+                        value,
+                        limit,
+                    });
                 }
                 last.exitance = value;
                 last.exitance_line = s.line;
