@@ -97,7 +97,13 @@ impl Written {
 
     /// Returns the greatest distance of joined vertices, in m, where it exceeds the rounding by digits of a coordinate of a magnitude.
     pub(crate) fn joined_beyond_digits(&self, magnitude: f64) -> Option<f64> {
-        let by_digits = Self { least: 0.0, ..*self }.unit(magnitude);
+        let digits = Self { least: 0.0, ..*self };
+        // Short decimals are exact, unless vertices were joined.
+        let by_digits = if digits.shows_rounding() {
+            digits.unit(magnitude)
+        } else {
+            0.0
+        };
         (2.0 * self.joined > by_digits).then_some(self.joined)
     }
 
