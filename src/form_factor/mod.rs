@@ -180,6 +180,7 @@ impl PairCounts {
             n_pairs,
             error_max: self.rounding_error_max,
             written: scene.rounded(),
+            joined_m: scene.joined_beyond_digits(),
         })
     }
 
@@ -190,7 +191,7 @@ impl PairCounts {
     }
 }
 
-/// The uncertainty of form factors from rounded coordinates: more digits help, or coordinates nearer to the origin.
+/// The uncertainty of form factors from rounded coordinates: more digits help, or coordinates nearer to the origin, or a smaller distance over which vertices are joined.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RoundingDoubt {
     /// Pairs above the tolerance.
@@ -199,18 +200,27 @@ pub struct RoundingDoubt {
     pub error_max: f64,
     /// How the coordinates are rounded; `None` where faces are not flat, or miss each other.
     pub written: Option<Written>,
+    /// The greatest distance of joined vertices, in m, where it exceeds the rounding of the file's digits.
+    pub joined_m: Option<f64>,
 }
+
+/// The remedy of coordinates that are rounded too coarsely.
+const MORE_DIGITS: &str = "give coordinates with more digits or nearer to the origin";
 
 impl fmt::Display for RoundingDoubt {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let n = usize::try_from(self.n_pairs).unwrap_or(usize::MAX);
-        let cause = match self.written {
-            Some(written) => format!("coordinates are rounded {written}"),
-            None => "quads are not flat, or faces miss each other".to_owned(),
+        let (cause, remedy) = match (self.joined_m, self.written) {
+            (Some(joined), _) => (
+                format!("vertices are joined over up to {joined:.1e} m"),
+                "give a smaller --merge-tolerance",
+            ),
+            (None, Some(written)) => (format!("coordinates are rounded {written}"), MORE_DIGITS),
+            (None, None) => ("quads are not flat, or faces miss each other".to_owned(), MORE_DIGITS),
         };
         write!(
             f,
-            "the stated error of {} is above the tolerance, up to {:.1e}, because {cause}; give coordinates with more digits or nearer to the origin",
+            "the stated error of {} is above the tolerance, up to {:.1e}, because {cause}; {remedy}",
             counted(n, "pair"),
             self.error_max
         )

@@ -16,6 +16,11 @@ pub const MAX_TEMPERATURE_K: f64 = 1e30;
 /// The greatest heat flux and irradiance, W·m⁻²; for the heat of a node, W.
 pub const MAX_FLUX: f64 = 1e100;
 
+/// The least emissivity: below it 1 − ε keeps fewer than six digits of ε, and the rounding of form factors' row sums exceeds 1e-6 of what a closed scene absorbs.
+///
+/// Solvers aim at this by default; at 1e-14 they find temperatures that are wrong by tens of kelvin, and at 1e-15 none.
+pub const MIN_EMISSIVITY: f64 = 1e-10;
+
 /// The surroundings of a scene, its sun and sky, and the boundary condition of each surface.
 ///
 /// ```toml
@@ -30,7 +35,7 @@ pub const MAX_FLUX: f64 = 1e100;
 /// up = [0.0, 0.0, 1.0]        # below the horizon there are only the surroundings
 /// [[surface]]
 /// name = "crater"             # an exact name counts before a pattern with *
-/// emissivity = 0.95           # thermal band, in (0, 1]
+/// emissivity = 0.95           # thermal band, in [1e-10, 1]
 /// absorptance = 0.88          # solar band, in [0, 1]; default: the emissivity
 /// temperature_k = 300.0       # or supplied_w_m2 | adiabatic = true | node = "NAME" | other_side = "NAME"
 ///                             # a number may be a list of one for each patch of the surface, or of the scene
@@ -89,7 +94,7 @@ pub struct Sky {
 /// The properties of a surface and its boundary condition.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceBoundary {
-    /// ε, the emissivity and absorptance of the thermal band, in (0, 1\].
+    /// ε, the emissivity and absorptance of the thermal band, in \[[`MIN_EMISSIVITY`], 1\].
     pub emissivity: f64,
     /// α, the absorptance of the solar band, in \[0, 1\].
     pub absorptance: f64,
@@ -102,7 +107,7 @@ pub struct SurfaceBoundary {
 /// Each list has one value for each patch of the surface, or of the scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PatchValues {
-    /// ε, in (0, 1\].
+    /// ε, in \[[`MIN_EMISSIVITY`], 1\].
     pub emissivity: Vec<f64>,
     /// α, in \[0, 1\].
     pub absorptance: Vec<f64>,
@@ -294,6 +299,12 @@ impl SurfaceBoundary {
         } = self;
         if !(emissivity > 0.0 && emissivity <= 1.0) {
             return Err(("emissivity", format!("{emissivity:?} is outside (0, 1]; correct it")));
+        }
+        if emissivity < MIN_EMISSIVITY {
+            let message = format!(
+                "{emissivity:?} is below {MIN_EMISSIVITY:e}, where 1 - ε loses the digits of ε; give a greater one"
+            );
+            return Err(("emissivity", message));
         }
         if !(0.0..=1.0).contains(&absorptance) {
             return Err(("absorptance", format!("{absorptance:?} is outside [0, 1]; correct it")));

@@ -460,7 +460,7 @@ fn conditions(
         let emissivity = own
             .emissivity
             .get()
-            .ok_or_else(|| missing("`emissivity`; give one in (0, 1]"))?;
+            .ok_or_else(|| missing("`emissivity`; give one in [1e-10, 1]"))?;
         let absorptance = absorptance.unwrap_or_else(|| emissivity.clone());
         let surface = SurfaceBoundary {
             emissivity: emissivity.0.first(),

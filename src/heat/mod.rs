@@ -32,7 +32,8 @@ mod thermal;
 
 pub use band::Band;
 pub use boundary::{
-    Boundary, Condition, MAX_FLUX, MAX_TEMPERATURE_K, Node, PatchValues, Sky, Sun, SurfaceBoundary, SurfaceLines,
+    Boundary, Condition, MAX_FLUX, MAX_TEMPERATURE_K, MIN_EMISSIVITY, Node, PatchValues, Sky, Sun, SurfaceBoundary,
+    SurfaceLines,
 };
 pub use error::HeatError;
 pub use exchange::{ExchangeFactors, SURROUNDINGS};

@@ -174,14 +174,18 @@ impl SceneBuilder {
         let id = self.id(self.scene.materials.len(), "materials")?;
         let refused = |kind| SceneError::new(in_memory(format!("material `{}`", material.name)), kind);
         if let Some(&value) = material.reflectance.iter().find(|rho| !(0.0..=1.0).contains(*rho)) {
-            return Err(refused(SceneErrorKind::ReflectanceOutOfRange { value }));
+            return Err(refused(SceneErrorKind::ReflectanceOutOfRange { keyword: "Kd", value }));
         }
         if let Some(&value) = material.exitance.iter().find(|e| !(e.is_finite() && **e >= 0.0)) {
-            return Err(refused(SceneErrorKind::ExitanceOutOfRange { value }));
+            return Err(refused(SceneErrorKind::ExitanceOutOfRange { keyword: "Ke", value }));
         }
         if let Some(&value) = material.exitance.iter().find(|e| is_too_dim(**e)) {
             let limit = MIN_EXITANCE;
-            return Err(refused(SceneErrorKind::TooDim { value, limit }));
+            return Err(refused(SceneErrorKind::TooDim {
+                keyword: "Ke",
+                value,
+                limit,
+            }));
         }
         self.scene.materials.push(material);
         Ok(MaterialId(id))
@@ -341,7 +345,14 @@ impl SceneBuilder {
             && let Some((material, value, limit)) = too_bright(&scene)
         {
             let at = in_memory(format!("material `{}`", material.name));
-            return Err(SceneError::new(at, SceneErrorKind::TooBright { value, limit }));
+            return Err(SceneError::new(
+                at,
+                SceneErrorKind::TooBright {
+                    keyword: "Ke",
+                    value,
+                    limit,
+                },
+            ));
         }
         Ok(Loaded { scene, warnings })
     }

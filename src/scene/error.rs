@@ -350,20 +350,26 @@ pub enum SceneErrorKind {
         value: String,
     },
     /// A reflectance outside [0, 1].
-    #[error("reflectance `Kd` {value} is outside [0, 1]; correct it")]
+    #[error("reflectance `{keyword}` {value} is outside [0, 1]; correct it")]
     ReflectanceOutOfRange {
+        /// The keyword of the value in its format: `Kd`, `baseColorFactor`.
+        keyword: &'static str,
         /// The first value out of range.
         value: f64,
     },
     /// An exitance that is negative or not finite.
-    #[error("exitance `Ke` {value} is negative or not finite; correct it")]
+    #[error("exitance `{keyword}` {value} is negative or not finite; correct it")]
     ExitanceOutOfRange {
+        /// The keyword of the value in its format: `Ke`, `emissiveFactor`.
+        keyword: &'static str,
         /// The first value out of range.
         value: f64,
     },
     /// An exitance so great that the light leaves the range of f64.
-    #[error("exitance `Ke` {value:e} is above {limit:.1e} W/m², beyond which light overflows here; lower it")]
+    #[error("exitance `{keyword}` {value:e} is above {limit:.1e} W/m², beyond which light overflows here; lower it")]
     TooBright {
+        /// The keyword of the value in its format: `Ke`, `emissiveFactor`.
+        keyword: &'static str,
         /// The exitance, in W·m⁻².
         value: f64,
         /// The greatest one that is possible, in W·m⁻².
@@ -371,9 +377,11 @@ pub enum SceneErrorKind {
     },
     /// An exitance above 0, but so small that numbers lose their digits.
     #[error(
-        "exitance `Ke` {value:e} is below {limit:.0e} W/m², where numbers lose their digits; write 0, or a greater one"
+        "exitance `{keyword}` {value:e} is below {limit:.0e} W/m², where numbers lose their digits; write 0, or a greater one"
     )]
     TooDim {
+        /// The keyword of the value in its format: `Ke`, `emissiveFactor`.
+        keyword: &'static str,
         /// The exitance, in W·m⁻².
         value: f64,
         /// The least one that is possible beside 0, in W·m⁻².

@@ -47,6 +47,11 @@ impl Scene {
         (!coordinates.all(|x| x.abs() <= 0.0 || is_known(x))).then_some(written)
     }
 
+    /// Returns the greatest distance of joined vertices, in m, where it exceeds the rounding by the file's digits.
+    pub(crate) fn joined_beyond_digits(&self) -> Option<f64> {
+        self.written?.joined_beyond_digits(self.greatest_where_faces_meet())
+    }
+
     /// Returns the distance, in m, by which corners of faces that meet may be apart where they were meant to be one: two units of the last digit where the file shows rounding, and at least so many ulps.
     pub(crate) fn apart(&self, ulps: f64) -> f64 {
         let greatest = self.greatest_where_faces_meet();

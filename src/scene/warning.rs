@@ -86,6 +86,18 @@ pub enum SceneWarningKind {
         /// How many there are.
         count: usize,
     },
+    /// Nodes have rotations that are no unit quaternions.
+    #[error("{} to length 1", one_or(*count, "the rotation of a node is no unit quaternion and is scaled", "rotations of nodes are no unit quaternions and are scaled"))]
+    ScaledRotations {
+        /// How many there are.
+        count: usize,
+    },
+    /// Copies of meshes by an extension are not read.
+    #[error("the copies of {} by `EXT_mesh_gpu_instancing` are not read; export each copy as a node", counted(*count, "node"))]
+    UnreadCopies {
+        /// How many nodes have them.
+        count: usize,
+    },
     /// The stated normals oppose the winding of faces, which takes precedence.
     #[error("the stated normal opposes the winding of {}, this is the first; the winding counts, and --flip reverses it", counted(*count, "face"))]
     OpposedNormals {
@@ -143,6 +155,14 @@ pub enum SceneWarningKind {
         /// The name of the file that was read.
         used: String,
     },
+    /// A material library lies outside the scene's folder: a file of its name beside the scene was read.
+    #[error("material library `{}` lies outside the scene's folder; `{}` beside the scene is read in its place; --allow-outside reads the other", quoted(.name), quoted(.used))]
+    LibraryOutside {
+        /// The name in the file.
+        name: String,
+        /// The name of the file that was read.
+        used: String,
+    },
     /// A material library does not exist.
     #[error("material library `{}` is not there; its materials reflect 0.5", quoted(.name))]
     MissingLibrary {
@@ -172,9 +192,11 @@ pub enum SceneWarningKind {
         /// The material's name.
         name: String,
     },
-    /// A material in use has no `Kd`: reflectance 0.5.
-    #[error("material `{}` has no `Kd`; it reflects 0.5", quoted(.name))]
+    /// A material in use has no reflectance: it is 0.5.
+    #[error("material `{}` has no `{keyword}`; it reflects 0.5", quoted(.name))]
     MissingReflectance {
+        /// The keyword of the reflectance in the format: `Kd`, `baseColorFactor`.
+        keyword: &'static str,
         /// The material's name.
         name: String,
     },

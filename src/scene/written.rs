@@ -35,6 +35,8 @@ pub struct Written {
     scale: Option<f64>,
     /// The least unit in the last place, in m.
     least: f64,
+    /// The greatest distance of vertices that were joined, in m.
+    joined: f64,
     /// True if faces or vertices miss each other by no more than rounding explains.
     pub(super) misses: bool,
 }
@@ -78,12 +80,31 @@ impl Written {
         if scale != 1.0 {
             self.scale = Some(scale * self.scale.unwrap_or(1.0));
             self.least *= scale;
+            self.joined *= scale;
         }
     }
 
     /// Records that coordinates may be off by half of a length, in m, whatever their digits.
     pub(super) fn at_least(&mut self, length: f64) {
         self.least = self.least.max(length);
+    }
+
+    /// Records that vertices were joined over a distance, in m, which counts as their rounding.
+    pub(super) fn join_over(&mut self, distance: f64) {
+        self.joined = self.joined.max(distance);
+        self.at_least(2.0 * distance);
+    }
+
+    /// Returns the greatest distance of joined vertices, in m, where it exceeds the rounding by digits of a coordinate of a magnitude.
+    pub(crate) fn joined_beyond_digits(&self, magnitude: f64) -> Option<f64> {
+        let digits = Self { least: 0.0, ..*self };
+        // Short decimals are exact, unless vertices were joined.
+        let by_digits = if digits.shows_rounding() {
+            digits.unit(magnitude)
+        } else {
+            0.0
+        };
+        (2.0 * self.joined > by_digits).then_some(self.joined)
     }
 
     /// Records a decimal number and its value.
@@ -208,11 +229,13 @@ impl Written {
 }
 
 impl fmt::Display for Written {
-    /// Writes the rounding of the coordinates: "to 6 digits", "to 2 decimals", "to f32".
+    /// Writes the rounding of the coordinates: "to 6 digits", "to 2 decimals", "to f32", "to 1.0e-7 m".
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let places = self.places.map_or(0, |places| places.0);
         match self.counts() {
             _ if self.is_single() => write!(f, "to f32"),
+            // Digits were counted of no coordinate, but of the transformation that placed it.
+            _ if self.places.is_none() && self.least > 0.0 => write!(f, "to {:.1e} m", self.least),
             Counts::Places if places > 0 => write!(f, "to {places} decimals"),
             Counts::Places => write!(f, "to whole numbers"),
             Counts::Digits | Counts::Either => write!(f, "to {} digits", self.digits.0),
@@ -372,6 +395,15 @@ mod tests {
         is(double.unit(1.0), 1e-5);
         double.at_least(1e-4);
         is(double.unit(1.0), 1e-4);
+        assert_eq!(double.joined_beyond_digits(1.0), None);
+        double.join_over(1e-6);
+        assert_eq!(double.joined_beyond_digits(1.0), None);
+        double.join_over(0.5);
+        is(double.unit(1.0), 1.0);
+        is(double.joined_beyond_digits(1.0).expect("a distance"), 0.5);
+        let mut placed = Written::new();
+        placed.at_least(2e-7);
+        assert_eq!(placed.to_string(), "to 2.0e-7 m");
     }
 
     #[test]

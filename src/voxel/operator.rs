@@ -386,12 +386,12 @@ mod tests {
         assert!(links.n_escaped().unwrap() > 0);
         let n = voxels.n_surfels();
         let (rho, e) = (Block::from_values(vec![0.9; n], 1), Block::from_values(vec![0.1; n], 1));
-        let leak = |voxels: &VoxelScene| {
-            let operator = LinkOperator::new(voxels, &sphere, &links, RowWeights::Normalised);
+        let leak = |kept: &VoxelScene| {
+            let operator = LinkOperator::new(kept, &sphere, &links, RowWeights::Normalised);
             let solved = propagate(&operator, &rho, &e, Form::InPlace, 200, &Silent);
-            let absorbed = |s: usize| voxels.surfels[s].area * 0.1 * (1.0 - solved.irradiance.row(s)[0]);
+            let absorbed = |s: usize| kept.surfels[s].area * 0.1 * (1.0 - solved.irradiance.row(s)[0]);
             let missing: f64 = (0..n).map(absorbed).sum();
-            (Leak::new(&operator.leak_power(&solved.radiosity), voxels, &e), missing)
+            (Leak::new(&operator.leak_power(&solved.radiosity), kept, &e), missing)
         };
         assert_eq!(leak(&voxels).0, Leak::default());
         voxels.expect_closed();

@@ -61,7 +61,7 @@ impl Leak {
         let of_channel = |(c, (&passed, &lost)): (usize, (&f64, &f64))| {
             let emitted = |(k, s): (usize, &Surfel)| s.area * exitance.row(k)[c];
             let emitted: f64 = voxels.surfels.iter().enumerate().map(emitted).sum();
-            let of_emitted = |power: f64| if power > 0.0 { power / emitted } else { power };
+            let of_emitted = |part: f64| if part > 0.0 { part / emitted } else { part };
             Self {
                 power: passed + lost,
                 share: of_emitted(passed + lost),

@@ -240,8 +240,10 @@ fn mistakes_are_one_line() {
         "[[surface]]\nname = \"*\"\nemissivity = 0.8\nsupplied_w_m2 = 1\n",
     )
     .unwrap();
+    std::fs::write(directory.path().join("tiny.toml"), BOUNDARY.replace("0.8", "1e-15")).unwrap();
     for (flags, code, words) in [
-        (&["--boundary", "bad.toml"][..], 1, "bad.toml:5:"),
+        (&["--boundary", "tiny.toml"][..], 1, "tiny.toml:5: surface `"),
+        (&["--boundary", "bad.toml"], 1, "bad.toml:5:"),
         (&["--boundary", "none.toml"], 1, "none.toml:4: no temperature is given"),
         (&["--boundary", "missing.toml"], 1, "no such file"),
         (&["--boundary", "b.toml", "-o", "T.txt"], 2, "names no format"),

@@ -201,6 +201,25 @@ fn libraries_outside_the_scenes_folder_are_read_on_request() {
     assert!(stderr(&refused).contains("--allow-outside"), "{}", stderr(&refused));
 }
 
+#[test]
+fn joined_vertices_are_the_cause_of_the_errors_that_they_make() {
+    let directory = tempfile::tempdir().unwrap();
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 0.001\nv 0.1 0 1\nv 0.9 0.1 0\nf 1 2 3\nf 4 5 6\n";
+    std::fs::write(directory.path().join("a.obj"), text).unwrap();
+    let output = radiosity(
+        directory.path(),
+        &["form-factors", "a.obj", "--merge-tolerance", "0.01"],
+    );
+    let message = stderr(&output);
+    let doubt = message.lines().find(|line| line.contains("above the tolerance"));
+    let doubt = doubt.unwrap_or_else(|| panic!("{message}"));
+    assert!(
+        doubt.contains("joined over up to 1.0e-3 m") && doubt.contains("--merge-tolerance"),
+        "{doubt}"
+    );
+    assert!(!doubt.contains("digits"), "{doubt}");
+}
+
 /// No output takes the place of a file that the same command reads or keeps its work in: what was there stays, and nothing is written.
 #[test]
 fn an_output_is_no_other_file_of_its_command() {

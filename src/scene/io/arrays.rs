@@ -91,6 +91,7 @@ pub fn from_arrays(arrays: &Arrays<'_>, options: &LoadOptions) -> Result<Loaded,
                 name: format!("material{n_materials}"),
                 reflectance: Some(rho),
                 exitance: e,
+                exitance_keyword: "Ke",
                 at: at_face(number),
                 doubts: Vec::new(),
             });

@@ -51,7 +51,8 @@ pub(super) fn assemble(mut polygons: Polygons, file: &Path, options: &LoadOption
     if let Some((material, value, limit)) = too_bright(&loaded.scene)
         && let Some(stated) = materials.iter().find(|stated| stated.name == material.name)
     {
-        let kind = SceneErrorKind::TooBright { value, limit };
+        let keyword = stated.exitance_keyword;
+        let kind = SceneErrorKind::TooBright { keyword, value, limit };
         return Err(SceneError::new(stated.at.clone(), kind));
     }
     if let Some(paints) = &options.materials {
@@ -113,7 +114,7 @@ fn join(polygons: &mut Polygons, file: &Path, options: &LoadOptions) -> Option<V
             *corner = welded.first[*corner as usize];
         }
         if welded.n_moved > 0 {
-            polygons.written.at_least(2.0 * welded.moved);
+            polygons.written.join_over(welded.moved);
             polygons.warnings.push(warn(SceneWarningKind::MergedVertices {
                 count: welded.n_moved,
                 distance: welded.moved,
@@ -187,7 +188,9 @@ fn paint(loaded: &mut Loaded, file: &Path, unassigned: &str, max_exitance: f64) 
     };
     warnings.retain(|warning| match &warning.kind {
         SceneWarningKind::NoMaterial { .. } | SceneWarningKind::NoMaterials => !is_painted(unassigned),
-        SceneWarningKind::UnknownMaterial { name } | SceneWarningKind::MissingReflectance { name } => !is_painted(name),
+        SceneWarningKind::UnknownMaterial { name } | SceneWarningKind::MissingReflectance { name, .. } => {
+            !is_painted(name)
+        }
         _ => true,
     });
     *scene = paints.apply(scene);
@@ -275,8 +278,8 @@ impl Assembly<'_> {
         };
         let refused = |kind| SceneError::new(stated.at.clone(), kind);
         if let Some(value) = stated.exitance.into_iter().find(|value| *value > max_exitance) {
-            let limit = max_exitance;
-            return Err(refused(SceneErrorKind::TooBright { value, limit }));
+            let (keyword, limit) = (stated.exitance_keyword, max_exitance);
+            return Err(refused(SceneErrorKind::TooBright { keyword, value, limit }));
         }
         let material = Material {
             name: stated.name.clone(),

@@ -30,6 +30,8 @@ pub(super) struct FileMaterial {
     pub(super) reflectance: Option<[f64; 3]>,
     /// E, W·m⁻².
     pub(super) exitance: [f64; 3],
+    /// The keyword of the exitance in messages.
+    pub(super) exitance_keyword: &'static str,
     /// Where the exitance is stated.
     pub(super) at: Origin,
     /// The doubt about it, if a face has it.

@@ -55,6 +55,19 @@ impl Head<'_> {
         bytes.trim_ascii_start().starts_with(text.as_bytes())
     }
 
+    /// Returns whether the file begins with some text in capitals or small letters, after a byte-order mark and blanks.
+    pub(super) fn begins_with_any_case(&self, text: &str) -> bool {
+        let bytes = self.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(self.bytes);
+        let start = bytes.trim_ascii_start().get(..text.len());
+        start.is_some_and(|start| start.eq_ignore_ascii_case(text.as_bytes()))
+    }
+
+    /// Returns whether the head contains the given text in capitals or small letters.
+    pub(super) fn contains_any_case(&self, text: &str) -> bool {
+        let mut windows = self.bytes.windows(text.len());
+        windows.any(|window| window.eq_ignore_ascii_case(text.as_bytes()))
+    }
+
     /// Returns whether the head contains the given text.
     pub(super) fn contains(&self, text: &str) -> bool {
         self.bytes.windows(text.len()).any(|window| window == text.as_bytes())

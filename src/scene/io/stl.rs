@@ -38,7 +38,7 @@ impl Reader for Stl {
 
     fn read(&self, source: &Source<'_>, _options: &LoadOptions) -> Result<Polygons, SceneError> {
         let head = source.head();
-        let may_be_ascii = !has_binary_length(head.bytes, head.length) && head.begins_with("solid");
+        let may_be_ascii = !has_binary_length(head.bytes, head.length) && head.begins_with_any_case("solid");
         let n_corners = if may_be_ascii { corners_of_text(source)? } else { None };
         match n_corners {
             Some(n_corners) => ascii(source, n_corners),
@@ -57,8 +57,12 @@ fn has_binary_length(bytes: &[u8], length: u64) -> bool {
 }
 
 fn is_ascii(head: &Head<'_>) -> bool {
-    let is_empty = || head.contains("endsolid");
-    head.begins_with("solid") && !head.bytes.contains(&0) && (head.contains("facet") || is_empty())
+    let has_keyword = || {
+        ["facet", "endsolid"]
+            .into_iter()
+            .any(|word| head.contains_any_case(word))
+    };
+    head.begins_with_any_case("solid") && !head.bytes.contains(&0) && has_keyword()
 }
 
 fn counts(n_triangles: u64) -> Counts {

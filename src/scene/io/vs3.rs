@@ -433,6 +433,7 @@ fn material(known: &mut Vec<FileMaterial>, surface: &Surface, source: &Source<'_
             name,
             reflectance: Some([1.0 - emissivity; 3]),
             exitance: [0.0; 3],
+            exitance_keyword: "Ke",
             at: Origin::line(&source.path, surface.line),
             doubts: Vec::new(),
         });

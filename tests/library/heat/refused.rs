@@ -40,6 +40,16 @@ const MISTAKES: &[(&str, u32, &str)] = &[
         "outside (0, 1]",
     ),
     (
+        "[[surface]]\nname = \"*\"\nemissivity = 1e-15\nadiabatic = true\n[[surface]]\nname = \"x0\"\ntemperature_k = 1\n",
+        3,
+        "surface `x0`: emissivity: 1e-15 is below 1e-10",
+    ),
+    (
+        "[[surface]]\nname = \"*\"\nemissivity = [0.5, 1e-17]\ntemperature_k = 1\n",
+        3,
+        "emissivity: 1e-17 is below 1e-10",
+    ),
+    (
         "[[surface]]\nname = \"*\"\nemissivity = 0.5\nabsorptance = -0.1\ntemperature_k = 1\n",
         4,
         "outside [0, 1]",
@@ -138,6 +148,7 @@ fn mistakes_are_told_with_their_line() {
         );
         assert_eq!(error.kind(), "bad_boundary");
     }
+    assert!(boundary(&all.replace("0.5", "1e-10"), &room).is_ok());
     let unused = format!("{all}[[node]]\nname = \"n\"\n");
     let message = boundary(&unused, &room).unwrap_err().to_string();
     assert!(message.contains("no surface has it"), "{message}");

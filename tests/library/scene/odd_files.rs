@@ -158,3 +158,106 @@ fn colours_of_vertices_and_deep_trees_of_gltf_are_told() {
         "{message}"
     );
 }
+
+/// A triangle in glTF: its version, the fields of its node, of its material, of its buffer view and of its accessor.
+fn triangle(version: &str, [node, material, view, accessor]: [&str; 4]) -> String {
+    format!(
+        r#"{{"asset":{{"version":"{version}"}},"nodes":[{{"mesh":0{node}}}],"materials":[{{{material}}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"material":0}}]}}],
+        "buffers":[{{"byteLength":36,"uri":"data:;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}}],
+        "bufferViews":[{{"buffer":0,"byteLength":36{view}}}],
+        "accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"{accessor}}}]}}"#
+    )
+}
+
+#[test]
+fn what_gltf_forbids_is_refused_in_its_own_keys() {
+    let strength = |x: &str| {
+        format!(
+            r#""emissiveFactor":[1,1,1],"extensions":{{"KHR_materials_emissive_strength":{{"emissiveStrength":{x}}}}}"#
+        )
+    };
+    let (negative, bright, text) = (strength("-2"), strength("1e305"), strength("\"5\""));
+    for (fields, message) in [
+        (
+            ["", "", r#","byteStride":4"#, ""],
+            "expected a `byteStride` of the 12 bytes of an element, or more, found `4`",
+        ),
+        (
+            ["", "", "", r#","byteOffset":9223372036854775804"#],
+            "expected a `byteOffset` within the buffer view, found `9223372036854775804`",
+        ),
+        (
+            ["", "", "", r#","byteOffset":4"#],
+            "the file states 3 elements of an accessor and has room for 2",
+        ),
+        (
+            ["", "", r#","byteOffset":12"#, ""],
+            "the file states 36 bytes of a buffer view and has room for 24",
+        ),
+        (
+            [r#","matrix":[1,0,0,0.5,0,1,0,0,0,0,1,0,0,0,0,1]"#, "", "", ""],
+            "expected a `matrix` with the last row 0 0 0 1, found `0.5 0 0 1`",
+        ),
+        (
+            [r#","rotation":[0,0,0,0]"#, "", "", ""],
+            "expected a `rotation` of length 1, found `0 0 0 0`",
+        ),
+        (
+            [
+                "",
+                r#""pbrMetallicRoughness":{"baseColorFactor":[0.5,2,0.5,1]}"#,
+                "",
+                "",
+            ],
+            "reflectance `baseColorFactor` 2 is outside [0, 1]",
+        ),
+        (
+            ["", r#""emissiveFactor":[0,-1,0]"#, "", ""],
+            "exitance `emissiveFactor` -1 is negative",
+        ),
+        (["", &negative, "", ""], "exitance `emissiveStrength` -2 is negative"),
+        (
+            ["", &bright, "", ""],
+            "exitance `π × emissiveFactor × emissiveStrength` 3.14",
+        ),
+        (["", &text, "", ""], "expected a number as `emissiveStrength`"),
+    ] {
+        let found = refusal("a.gltf", triangle("2.0", fields).as_bytes());
+        assert!(found.starts_with(message), "{message}: {found}");
+    }
+    for (version, content) in [
+        ("1.0", triangle("1.0", [""; 4])),
+        ("1.1", r#"{"asset":{"version":"1.1"},"nodes":{}}"#.to_owned()),
+    ] {
+        let found = refusal("a.gltf", content.as_bytes());
+        assert!(
+            found.starts_with(&format!("glTF of version {version} is not read")),
+            "{found}"
+        );
+    }
+}
+
+#[test]
+fn rotations_that_are_scaled_and_copies_of_gltf_are_told() {
+    let kinds = |node: &str| {
+        let loaded = read("a.gltf", triangle("2.0", [node, "", "", ""]).as_bytes()).unwrap();
+        loaded
+            .warnings
+            .into_iter()
+            .map(|warning| warning.kind)
+            .collect::<Vec<_>>()
+    };
+    let scaled = SceneWarningKind::ScaledRotations { count: 1 };
+    let copies = SceneWarningKind::UnreadCopies { count: 1 };
+    assert!(kinds(r#","rotation":[0,0,1,1]"#).contains(&scaled));
+    let instancing = r#","extensions":{"EXT_mesh_gpu_instancing":{"attributes":{"TRANSLATION":0}}}"#;
+    assert!(kinds(instancing).contains(&copies));
+    let plain = kinds(r#","rotation":[0,0,0.70710678,0.70710678]"#);
+    assert!(!plain.contains(&scaled) && !plain.contains(&copies), "{plain:?}");
+    let missing = SceneWarningKind::MissingReflectance {
+        keyword: "baseColorFactor",
+        name: "material0".to_owned(),
+    };
+    assert!(plain.contains(&missing), "{plain:?}");
+}

@@ -7,9 +7,7 @@ use serde_json::Value;
 
 #[derive(Deserialize)]
 pub(super) struct Document {
-    /// Only its presence counts: JSON without it is not glTF.
-    #[serde(rename = "asset")]
-    _asset: Value,
+    pub(super) asset: Asset,
     #[serde(default)]
     pub(super) scene: usize,
     #[serde(default)]
@@ -28,6 +26,17 @@ pub(super) struct Document {
     pub(super) materials: Vec<MaterialOfFile>,
     #[serde(default, rename = "extensionsRequired")]
     pub(super) required: Vec<String>,
+}
+
+/// The version of a file, which decides how all else is read.
+#[derive(Deserialize)]
+pub(super) struct Header {
+    pub(super) asset: Asset,
+}
+
+#[derive(Deserialize)]
+pub(super) struct Asset {
+    pub(super) version: String,
 }
 
 #[derive(Deserialize)]
@@ -49,6 +58,8 @@ pub(super) struct Node {
     pub(super) rotation: Option<[f64; 4]>,
     pub(super) scale: Option<[f64; 3]>,
     pub(super) skin: Option<usize>,
+    #[serde(default)]
+    pub(super) extensions: BTreeMap<String, Value>,
 }
 
 #[derive(Deserialize)]

@@ -4,19 +4,23 @@ use std::collections::HashMap;
 
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 
-use super::super::Counts;
 use super::super::cursor::Cursor;
-use super::super::polygons::{FileMaterial, NONE, Names, Polygons};
+use super::super::polygons::{NONE, Names, Polygons};
 use super::super::scalar::Binary as _;
 use super::super::source::Source;
+use super::super::{Counts, LoadOptions};
 use super::buffers::Buffer;
-use super::document::{Accessor, Document, MaterialOfFile, Primitive};
+use super::document::{Accessor, Document, Node, Primitive};
+use super::materials::materials;
 use crate::scene::{
     MAX_COORDINATE, Numbering, Origin, SceneError, SceneErrorKind, SceneWarning, SceneWarningKind, Written,
 };
 
 /// The depth of nested nodes beyond which a file is refused: cyclic nodes have no end.
 const MAX_DEPTH: usize = 1 << 10;
+
+/// The distance from 0 or 1 that counts as the rounding of numbers of a transformation: some of them have five digits.
+const OFF_UNIT: f64 = 1e-5;
 
 /// The name of unused data in warnings.
 const COLOURS: &str = "colours of vertices";
@@ -53,6 +57,7 @@ pub(super) fn polygons<'s>(
     document: &Document,
     buffers: &[Buffer<'s>],
     source: &Source<'s>,
+    options: &LoadOptions,
 ) -> Result<Polygons, SceneError> {
     let mut meshes = Meshes {
         document,
@@ -60,7 +65,7 @@ pub(super) fn polygons<'s>(
         source,
         polygons: Polygons {
             written: Written::new(),
-            materials: materials(document, source),
+            materials: materials(document, source, options.max_exitance)?,
             ..Polygons::default()
         },
         groups: Names::default(),
@@ -68,7 +73,9 @@ pub(super) fn polygons<'s>(
         n_thin: 0,
         unread: Vec::new(),
     };
-    for placed in meshes.nodes()? {
+    let nodes = meshes.nodes()?;
+    meshes.warn_of_nodes(&nodes);
+    for placed in nodes {
         meshes.add(placed)?;
     }
     let Meshes {
@@ -156,7 +163,8 @@ impl<'a> Meshes<'a> {
             if std::mem::replace(&mut is_seen[node], true) {
                 return Err(refused("each node once below one other", "it again"));
             }
-            let (transform, [part, shift]) = transform(own);
+            let (transform, [part, shift]) =
+                transform(own).map_err(|kind| self.error_at(format!("node {node}"), kind))?;
             let placed = Placed {
                 node,
                 world_from_node: parent.world_from_node * transform,
@@ -172,6 +180,23 @@ impl<'a> Meshes<'a> {
             waiting.extend(children.map(|&child| (Placed { node: child, ..placed }, depth + 1)));
         }
         Ok(found)
+    }
+
+    /// Warns of rotations that are scaled, and of copies that are not read.
+    fn warn_of_nodes(&mut self, nodes: &[Placed]) {
+        let number = |is_so: fn(&Node) -> bool| {
+            let all = nodes.iter().map(|own| &self.document.nodes[own.node]);
+            all.filter(|own| is_so(own)).count()
+        };
+        let (scaled, copied) = (number(is_scaled), number(has_copies));
+        let kinds = [
+            (scaled, SceneWarningKind::ScaledRotations { count: scaled }),
+            (copied, SceneWarningKind::UnreadCopies { count: copied }),
+        ];
+        let file = Origin::file(&self.source.path);
+        let new = kinds.into_iter().filter(|(n, _)| *n > 0);
+        let new = new.map(|(_, kind)| SceneWarning::new(file.clone(), kind));
+        self.polygons.warnings.extend(new);
     }
 
     /// Adds the mesh of a node.
@@ -405,23 +430,43 @@ impl<'a> Meshes<'a> {
             .buffers
             .get(view.buffer)
             .ok_or_else(|| missing("a buffer of the file", view.buffer))?;
-        let stride = view.byte_stride.filter(|stride| *stride >= size).unwrap_or(size);
-        let needed = match own.count {
-            0 => 0,
-            n => (n - 1).saturating_mul(stride).saturating_add(size),
-        };
-        let is_in = |from: u64, n: u64, room: u64| from.checked_add(n).is_some_and(|end| end <= room);
-        if !is_in(view.byte_offset, view.byte_length, buffer.len()) || !is_in(own.byte_offset, needed, view.byte_length)
-        {
+        // Of version 1 of the format, in which 0 means that no bytes are between two elements.
+        let stride = view.byte_stride.filter(|stride| *stride > 0).unwrap_or(size);
+        if stride < size {
+            let expected = format!("a `byteStride` of the {size} bytes of an element, or more");
+            return Err(SceneErrorKind::malformed(expected, stride.to_string()));
+        }
+        let in_buffer = rest(buffer.len(), view.byte_offset, "a `byteOffset` within the buffer")?;
+        if view.byte_length > in_buffer {
+            return Err(SceneErrorKind::Truncated {
+                what: "bytes of a buffer view",
+                n: view.byte_length,
+                room: in_buffer,
+            });
+        }
+        let in_view = rest(
+            view.byte_length,
+            own.byte_offset,
+            "a `byteOffset` within the buffer view",
+        )?;
+        let room = in_view.checked_sub(size).map_or(0, |behind| behind / stride + 1);
+        if own.count > room {
             return Err(SceneErrorKind::Truncated {
                 what: "elements of an accessor",
                 n: own.count,
-                room: buffer.len().saturating_sub(view.byte_offset) / stride,
+                room,
             });
         }
         let cursor = buffer.cursor(self.source, view.byte_offset + own.byte_offset);
         Ok((own, cursor, stride - size))
     }
+}
+
+/// Returns the number of bytes behind an offset.
+fn rest(length: u64, offset: u64, expected: &str) -> Result<u64, SceneErrorKind> {
+    length
+        .checked_sub(offset)
+        .ok_or_else(|| SceneErrorKind::malformed(expected, offset.to_string()))
 }
 
 /// Returns the bytes of the next element, behind a gap.
@@ -461,7 +506,7 @@ fn component(own: &Accessor, bytes: &[u8]) -> f64 {
 }
 
 /// Returns the transformation of a node, and the error of its numbers: as a part of a coordinate, and in its unit.
-fn transform(node: &super::document::Node) -> (DAffine3, [f64; 2]) {
+fn transform(node: &Node) -> Result<(DAffine3, [f64; 2]), SceneErrorKind> {
     let unit_of = |numbers: &[f64]| {
         let mut written = Written::new();
         numbers
@@ -476,18 +521,30 @@ fn transform(node: &super::document::Node) -> (DAffine3, [f64; 2]) {
         }
     };
     if let Some(matrix) = &node.matrix {
-        let rounding = [unit_of(&matrix[..12]), unit_of(&matrix[12..15])];
-        return (DAffine3::from_mat4(DMat4::from_cols_array(matrix)), rounding);
-    }
-    let rotation = node.rotation.map_or(DQuat::IDENTITY, |rotation| {
-        let stated = DQuat::from_array(rotation);
-        // A quaternion of f32 has length 1 to 24 bits.
-        if stated.length_squared() > 0.0 {
-            stated.normalize()
-        } else {
-            DQuat::IDENTITY
+        let row = [3, 7, 11, 15].map(|k| matrix[k]);
+        let is_affine = row
+            .iter()
+            .zip([0.0, 0.0, 0.0, 1.0])
+            .all(|(x, meant)| (x - meant).abs() <= OFF_UNIT);
+        if !is_affine {
+            let found = row.map(|x| x.to_string()).join(" ");
+            return Err(SceneErrorKind::malformed("a `matrix` with the last row 0 0 0 1", found));
         }
-    });
+        let rounding = [unit_of(&matrix[..12]), unit_of(&matrix[12..15])];
+        return Ok((DAffine3::from_mat4(DMat4::from_cols_array(matrix)), rounding));
+    }
+    let rotation = match node.rotation {
+        None => DQuat::IDENTITY,
+        Some(stated) => {
+            let own = DQuat::from_array(stated);
+            let is_rotation = own.length_squared().is_normal();
+            // A quaternion of f32 has length 1 to 24 bits.
+            is_rotation.then(|| own.normalize()).ok_or_else(|| {
+                let found = stated.map(|x| x.to_string()).join(" ");
+                SceneErrorKind::malformed("a `rotation` of length 1", found)
+            })?
+        }
+    };
     let scale = node.scale.unwrap_or([1.0; 3]);
     let translation = node.translation.unwrap_or_default();
     let is_right_angle = DMat3::from_quat(rotation)
@@ -502,83 +559,16 @@ fn transform(node: &super::document::Node) -> (DAffine3, [f64; 2]) {
     };
     let affine =
         DAffine3::from_scale_rotation_translation(DVec3::from_array(scale), rotation, DVec3::from_array(translation));
-    (affine, [of_rotation + unit_of(&scale), unit_of(&translation)])
+    Ok((affine, [of_rotation + unit_of(&scale), unit_of(&translation)]))
 }
 
-/// Returns the materials of a file: the base colour as reflectance, π × factor × strength of the emission as exitance.
-fn materials(document: &Document, source: &Source<'_>) -> Vec<FileMaterial> {
-    let mut names: HashMap<&str, usize> = HashMap::new();
-    document
-        .materials
-        .iter()
-        .filter_map(|own| own.name.as_deref())
-        .for_each(|name| *names.entry(name).or_default() += 1);
-    let stated = document.materials.iter().enumerate();
-    stated
-        .map(|(k, own)| {
-            let given = own.name.as_deref().filter(|name| !name.trim().is_empty());
-            let name = match given {
-                Some(name) if names[name] == 1 => name.to_owned(),
-                Some(name) => format!("{name} {k}"),
-                None => format!("material{k}"),
-            };
-            material(name, own, source)
-        })
-        .collect()
+/// Returns whether the rotation of a node is no unit quaternion, beyond rounding.
+fn is_scaled(node: &Node) -> bool {
+    let rotation = node.rotation.filter(|_| node.matrix.is_none());
+    rotation.is_some_and(|own| (DQuat::from_array(own).length() - 1.0).abs() > OFF_UNIT)
 }
 
-fn material(name: String, own: &MaterialOfFile, source: &Source<'_>) -> FileMaterial {
-    let surface = &own.pbr_metallic_roughness;
-    let strength = own.extensions.get("KHR_materials_emissive_strength");
-    let strength = strength
-        .and_then(|given| given["emissiveStrength"].as_f64())
-        .unwrap_or(1.0);
-    let factor = own.emissive_factor.unwrap_or_default();
-    let (path, element) = (source.path.clone(), format!("material `{name}`"));
-    let at = Origin::Element { path, element };
-    let mut doubts = Vec::new();
-    let mut doubt = |kind| doubts.push(SceneWarning::new(at.clone(), kind));
-    if surface.base_color_factor.is_none() {
-        doubt(SceneWarningKind::MissingReflectance { name: name.clone() });
-    }
-    let textures = [
-        (surface.base_color_texture.is_some(), "baseColorFactor"),
-        (own.emissive_texture.is_some(), "emissiveFactor"),
-    ];
-    for (_, keyword) in textures.into_iter().filter(|(is_there, _)| *is_there) {
-        doubt(SceneWarningKind::IgnoredTexture {
-            keyword,
-            name: name.clone(),
-        });
-    }
-    let is_clear = own.alpha_mode.as_deref().is_some_and(|mode| mode != "OPAQUE");
-    let properties = [
-        (
-            surface.metallic_factor.is_some_and(|x| x > 0.0),
-            "metalness (`metallicFactor`)",
-        ),
-        (
-            surface.roughness_factor.is_some_and(|x| x < 1.0),
-            "gloss (`roughnessFactor`)",
-        ),
-        (is_clear, "transparency (`alphaMode`)"),
-        (
-            own.extensions.contains_key("KHR_materials_transmission"),
-            "transmission",
-        ),
-        (own.double_sided, "the light of the back (`doubleSided`)"),
-    ];
-    for (_, what) in properties.into_iter().filter(|(is_there, _)| *is_there) {
-        doubt(SceneWarningKind::IgnoredProperty {
-            what,
-            name: name.clone(),
-        });
-    }
-    FileMaterial {
-        name,
-        reflectance: surface.base_color_factor.map(|[r, g, b, _]| [r, g, b]),
-        exitance: factor.map(|factor| std::f64::consts::PI * factor * strength),
-        at,
-        doubts,
-    }
+/// Returns whether a node has copies by an extension.
+fn has_copies(node: &Node) -> bool {
+    node.extensions.contains_key("EXT_mesh_gpu_instancing")
 }

@@ -2,6 +2,7 @@
 
 mod buffers;
 mod document;
+mod materials;
 mod meshes;
 
 use std::ops::Range;
@@ -11,9 +12,10 @@ use super::LoadOptions;
 use super::polygons::Polygons;
 use super::reader::{Head, Reader};
 use super::source::Source;
+use crate::printable::quoted;
 use crate::scene::{SceneError, SceneErrorKind};
 use buffers::Buffer;
-use document::Document;
+use document::{Document, Header};
 
 /// Extensions that are read, or do not affect the data that is read.
 const KNOWN_EXTENSIONS: [&str; 12] = [
@@ -67,7 +69,7 @@ impl Reader for Gltf {
             .enumerate()
             .map(|(k, buffer)| Buffer::find(k, buffer, chunk.clone(), source, options))
             .collect::<Result<Vec<_>, _>>()?;
-        meshes::polygons(&document, &buffers, source)
+        meshes::polygons(&document, &buffers, source, options)
     }
 
     #[cfg(feature = "cli")]
@@ -86,7 +88,18 @@ impl Reader for Gltf {
 fn parsed(source: &Source<'_>) -> Result<(Document, Option<Range<u64>>), SceneError> {
     let (json, chunk) = parts(source).map_err(|kind| source.error(kind))?;
     let json = source.part(json.start, json.end - json.start)?;
-    let document = serde_json::from_slice(&json);
+    let document = serde_json::from_slice::<Document>(&json);
+    // Files of other versions differ in all else, and must not be called malformed.
+    let version = match &document {
+        Ok(own) => Some(own.asset.version.clone()),
+        Err(_) => serde_json::from_slice::<Header>(&json)
+            .ok()
+            .map(|own| own.asset.version),
+    };
+    if let Some(version) = version.filter(|version| version.split('.').next() != Some("2")) {
+        let message = format!("glTF of version {} is not read; export glTF 2.0", quoted(&version));
+        return Err(source.error(SceneErrorKind::unsupported(message)));
+    }
     let malformed = |error: serde_json::Error| SceneErrorKind::malformed("JSON of glTF 2.0", error.to_string());
     Ok((document.map_err(|error| source.error(malformed(error)))?, chunk))
 }

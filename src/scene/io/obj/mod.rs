@@ -141,6 +141,7 @@ fn material(named: &NamedLine, definitions: &Definitions, file: &Path) -> FileMa
             name: name(),
             reflectance: None,
             exitance: [0.0; 3],
+            exitance_keyword: "Ke",
             doubts: vec![SceneWarning::new(at.clone(), kind)],
             at,
         };
@@ -151,7 +152,13 @@ fn material(named: &NamedLine, definitions: &Definitions, file: &Path) -> FileMa
         doubt(definition.line, SceneWarningKind::RepeatedMaterial { name: name() });
     }
     if definition.reflectance.is_none() {
-        doubt(definition.line, SceneWarningKind::MissingReflectance { name: name() });
+        doubt(
+            definition.line,
+            SceneWarningKind::MissingReflectance {
+                keyword: "Kd",
+                name: name(),
+            },
+        );
     }
     if let Some((line, keyword)) = definition.texture {
         doubt(line, SceneWarningKind::IgnoredTexture { keyword, name: name() });
@@ -163,6 +170,7 @@ fn material(named: &NamedLine, definitions: &Definitions, file: &Path) -> FileMa
         name: name(),
         reflectance: definition.reflectance,
         exitance: definition.exitance,
+        exitance_keyword: "Ke",
         at: Origin::line(&definition.file, definition.exitance_line),
         doubts,
     }

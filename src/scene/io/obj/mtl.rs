@@ -38,7 +38,7 @@ pub(super) struct Definitions {
 }
 
 impl Definitions {
-    /// Reads the libraries that a scene file names; one that does not exist, or is found elsewhere, causes a warning.
+    /// Reads the libraries that a scene file names; one that does not exist, or another in its place, causes a warning.
     pub(super) fn read_all(
         libraries: &[NamedLine],
         scene_file: &Path,
@@ -57,10 +57,12 @@ impl Definitions {
                     file
                 } else if let Some(found) = beside() {
                     let used = found.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                    warnings.push(SceneWarning::new(
-                        Origin::line(own, line),
-                        SceneWarningKind::LibraryElsewhere { name: name_there, used },
-                    ));
+                    let kind = if is_there {
+                        SceneWarningKind::LibraryOutside { name: name_there, used }
+                    } else {
+                        SceneWarningKind::LibraryElsewhere { name: name_there, used }
+                    };
+                    warnings.push(SceneWarning::new(Origin::line(own, line), kind));
                     found
                 } else if is_there {
                     return Err(SceneError::new(
@@ -232,22 +234,30 @@ fn scan(text: &str, file: &Path, max_exitance: f64) -> Result<Vec<(String, Defin
             ("Kd", last) => {
                 let (value, last) = rgb(&s, "Kd", file, last)?;
                 if let Some(value) = value.into_iter().find(|x| !(0.0..=1.0).contains(x)) {
-                    return refused(SceneErrorKind::ReflectanceOutOfRange { value });
+                    return refused(SceneErrorKind::ReflectanceOutOfRange { keyword: "Kd", value });
                 }
                 last.reflectance = Some(value);
             }
             ("Ke", last) => {
                 let (value, last) = rgb(&s, "Ke", file, last)?;
                 if let Some(value) = value.into_iter().find(|x| !x.is_finite() || *x < 0.0) {
-                    return refused(SceneErrorKind::ExitanceOutOfRange { value });
+                    return refused(SceneErrorKind::ExitanceOutOfRange { keyword: "Ke", value });
                 }
                 if let Some(value) = value.into_iter().find(|x| *x > max_exitance) {
                     let limit = max_exitance;
-                    return refused(SceneErrorKind::TooBright { value, limit });
+                    return refused(SceneErrorKind::TooBright {
+                        keyword: "Ke",
+                        value,
+                        limit,
+                    });
                 }
                 if let Some(value) = value.into_iter().find(|x| is_too_dim(*x)) {
                     let limit = MIN_EXITANCE;
-                    return refused(SceneErrorKind::TooDim { value, limit });
+                    return refused(SceneErrorKind::TooDim {
+                        keyword: "Ke",
+                        value,
+                        limit,
+                    });
                 }
                 last.exitance = value;
                 last.exitance_line = s.line;

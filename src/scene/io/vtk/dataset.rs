@@ -6,6 +6,7 @@ use super::super::cells::{Array, Cell, Others, Values, surfaces};
 use super::super::polygons::{NONE, Polygons};
 use super::super::source::Source;
 use super::super::{Counts, LoadOptions};
+use crate::printable::counted;
 use crate::scene::{MAX_CORNERS, Numbering, Origin, SceneError, SceneErrorKind, Written};
 
 /// Types of cells that are not a single flat face.
@@ -14,6 +15,7 @@ pub(super) const VERTICES: u8 = 2;
 pub(super) const STRIP: u8 = 6;
 const POLYGON: u8 = 7;
 const PIXEL: u8 = 8;
+const QUADRATIC_POLYGON: u8 = 36;
 
 /// A mesh of a file.
 pub(super) struct Dataset {
@@ -49,12 +51,50 @@ fn cell_of(kind: u8, n_points: usize) -> Cell {
         9 | PIXEL => Cell::Face(4, false),
         POLYGON => Cell::Face(n_points, false),
         // The midpoints of its edges follow its corners.
-        36 => Cell::Face(n_points / 2, true),
+        QUADRATIC_POLYGON => Cell::Face(n_points / 2, true),
         22 | 34 | 69 | 76 => Cell::Face(3, true),
         23 | 28 | 30 | 70 | 77 => Cell::Face(4, true),
         0..=LINE | 21 | 35 | 68 | 75 => Cell::Thin,
         _ => Cell::Volume,
     }
+}
+
+/// Returns the name of a type of cells and the number of its points; `None` for types whose cells differ in it.
+fn fixed_points_of(kind: u8) -> Option<(&'static str, usize)> {
+    Some(match kind {
+        1 => ("vertex", 1),
+        3 => ("line", 2),
+        5 => ("triangle", 3),
+        PIXEL => ("pixel", 4),
+        9 => ("quad", 4),
+        10 => ("tetrahedron", 4),
+        11 => ("voxel", 8),
+        12 => ("hexahedron", 8),
+        13 => ("wedge", 6),
+        14 => ("pyramid", 5),
+        21 => ("quadratic edge", 3),
+        22 => ("quadratic triangle", 6),
+        23 => ("quadratic quad", 8),
+        28 => ("biquadratic quad", 9),
+        30 => ("quadratic linear quad", 6),
+        34 => ("biquadratic triangle", 7),
+        35 => ("cubic line", 4),
+        _ => return None,
+    })
+}
+
+/// Refuses a cell with another number of points than its type has: what it is meant to be is unknown.
+fn expect_points(kind: u8, n_points: usize) -> Result<(), SceneErrorKind> {
+    let expected = match fixed_points_of(kind) {
+        Some((_, n)) if n == n_points => return Ok(()),
+        Some((name, n)) => format!("{} in a cell of type {kind} ({name})", counted(n, "point")),
+        None if kind == STRIP && n_points < 3 => format!("3 points or more in a cell of type {kind} (triangle strip)"),
+        None if kind == QUADRATIC_POLYGON && n_points % 2 == 1 => {
+            format!("an even number of points in a cell of type {kind} (quadratic polygon)")
+        }
+        None => return Ok(()),
+    };
+    Err(SceneErrorKind::malformed(expected, n_points.to_string()))
 }
 
 impl Dataset {
@@ -103,6 +143,11 @@ impl Dataset {
             let points = &self.connectivity[start..end];
             start = end;
             let number = u32::try_from(k + 1).unwrap_or(u32::MAX);
+            let refused = |reason| {
+                let (path, element) = (source.path.clone(), polygons.numbering.label(number));
+                SceneError::new(Origin::Element { path, element }, reason)
+            };
+            expect_points(kind, points.len()).map_err(refused)?;
             if kind == STRIP {
                 for (j, triangle) in points.windows(3).enumerate() {
                     let mut corners = [triangle[0], triangle[1], triangle[2]];
@@ -118,10 +163,6 @@ impl Dataset {
             others.count(cell);
             let Cell::Face(n_corners, _) = cell else {
                 continue;
-            };
-            let refused = |reason| {
-                let (path, element) = (source.path.clone(), polygons.numbering.label(number));
-                SceneError::new(Origin::Element { path, element }, reason)
             };
             if points.len() < n_corners || n_corners < 3 {
                 return Err(refused(SceneErrorKind::TooFewCorners { count: points.len() }));
