@@ -48,10 +48,14 @@ pub struct VoxelDocument {
     pub thin_wall_min_m: Option<f64>,
     /// These walls, the thinnest first.
     pub thin_walls: Vec<WallRecord>,
-    /// Light that passes closed surfaces or is lost in a closed scene, W, in the channel where it is the greatest share.
+    /// Light that passes closed surfaces, W, in the channel where it is the greatest share.
     pub leak_power_w: f64,
     /// The part of what is emitted in that channel that it is.
     pub leak_share: f64,
+    /// Light that is lost in a closed scene, at the backs and openings that voxels make, W, in the channel where it is the greatest share.
+    pub lost_power_w: f64,
+    /// The part of what is emitted in that channel that it is.
+    pub lost_share: f64,
     /// The surfaces, in file order.
     pub surfaces: Vec<VoxelSurface>,
     /// How light was found.
@@ -172,6 +176,8 @@ impl VoxelDocument {
             thin_walls: thin_walls.collect(),
             leak_power_w: study.leak.power,
             leak_share: study.leak.share,
+            lost_power_w: study.leak.lost_power,
+            lost_share: study.leak.lost_share,
             surfaces: VoxelSurface::of(scene, means),
             light: VoxelLightRecord::new(&request.light, &study.result),
             output,

@@ -396,8 +396,11 @@ mod tests {
         assert_eq!(leak(&voxels).0, Leak::default());
         voxels.expect_closed();
         let (lost, missing) = leak(&voxels);
-        assert!(lost.is_too_much() && lost.passed_share.to_bits() == 0, "{lost:?}");
+        assert!(lost.is_too_much() && lost.power.to_bits() == 0, "{lost:?}");
         // Surfels that lose light are seen less, too, so that others lack less than they lose.
-        assert!(lost.power > missing && lost.power < 3.0 * missing, "{lost:?} {missing}");
+        assert!(
+            lost.lost_power > missing && lost.lost_power < 3.0 * missing,
+            "{lost:?} {missing}"
+        );
     }
 }

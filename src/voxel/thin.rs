@@ -35,15 +35,17 @@ pub struct ThinWall {
     pub n_surfels: usize,
 }
 
-/// Light that passes between regions of air that surfaces close off from each other, or is lost in a closed scene.
+/// Light that passes between regions of air that surfaces close off from each other, and light that is lost in a closed scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Leak {
-    /// The power that passes or is lost, W, in the channel where its share is greatest.
+    /// The power that passes, W, in the channel where its share is greatest.
     pub power: f64,
     /// That power as a share of the emitted power in the channel.
     pub share: f64,
-    /// The share that passes between regions of air.
-    pub passed_share: f64,
+    /// The power that is lost, W, in the channel where its share is greatest.
+    pub lost_power: f64,
+    /// That power as a share of the emitted power in the channel.
+    pub lost_share: f64,
 }
 
 /// The share of the emitted power above which light through walls makes a result wrong.
@@ -58,24 +60,28 @@ impl Leak {
     /// `exitance`: E, W·m⁻², \[n, c\].
     #[must_use]
     pub fn new(power: &LeakPower, voxels: &VoxelScene, exitance: &Block) -> Self {
-        let of_channel = |(c, (&passed, &lost)): (usize, (&f64, &f64))| {
-            let emitted = |(k, s): (usize, &Surfel)| s.area * exitance.row(k)[c];
-            let emitted: f64 = voxels.surfels.iter().enumerate().map(emitted).sum();
-            let of_emitted = |part: f64| if part > 0.0 { part / emitted } else { part };
-            Self {
-                power: passed + lost,
-                share: of_emitted(passed + lost),
-                passed_share: of_emitted(passed),
-            }
+        let greatest = |power: &[f64]| {
+            let of_channel = |(c, &leaking): (usize, &f64)| {
+                let emitted = |(k, s): (usize, &Surfel)| s.area * exitance.row(k)[c];
+                let emitted: f64 = voxels.surfels.iter().enumerate().map(emitted).sum();
+                [leaking, if leaking > 0.0 { leaking / emitted } else { leaking }]
+            };
+            let all = power.iter().enumerate().map(of_channel);
+            all.max_by(|a, b| a[1].total_cmp(&b[1])).unwrap_or_default()
         };
-        let all = power.passed.iter().zip(&power.lost).enumerate().map(of_channel);
-        all.max_by(|a, b| a.share.total_cmp(&b.share)).unwrap_or_default()
+        let ([power, share], [lost_power, lost_share]) = (greatest(&power.passed), greatest(&power.lost));
+        Self {
+            power,
+            share,
+            lost_power,
+            lost_share,
+        }
     }
 
-    /// Returns whether more than a thousandth of the emitted power passes walls, or more than a tenth leaks in all.
+    /// Returns whether more than a thousandth of the emitted power passes walls, or more than a tenth is lost.
     #[must_use]
     pub fn is_too_much(&self) -> bool {
-        self.share.is_nan() || self.share > MAX_LOST || self.passed_share > MAX_PASSED
+        self.share.is_nan() || self.share > MAX_PASSED || self.lost_share > MAX_LOST
     }
 }
 

@@ -16,6 +16,9 @@ use crate::voxel::{
     ThinGap, VoxelScene, propagate, solve_adaptively,
 };
 
+/// The share of the emitted power above which light that is lost in a closed scene is told although no link leaves it.
+const MAX_LOST: f64 = 1e-2;
+
 /// The relative amount of unshot light above which there is a warning.
 const MAX_UNSHOT: f64 = 0.05;
 
@@ -228,13 +231,17 @@ impl Model {
                 })?
             }
         };
-        let n_escaped = links.n_escaped.unwrap_or(0);
-        if self.plan.watertight && n_escaped > 0 {
-            let n_links = links.n_links;
-            cx.warn(Warning::EscapingLinks { n_escaped, n_links });
-        }
         cx.audited(audit::sides(&lit.leak_power.passed));
         let leak = Leak::new(&lit.leak_power, &voxels, &materials.exitance);
+        let n_escaped = links.n_escaped.unwrap_or(0);
+        if self.plan.watertight && (n_escaped > 0 || leak.lost_share > MAX_LOST) {
+            cx.warn(Warning::EscapingLinks {
+                n_escaped,
+                n_links: links.n_links,
+                power: leak.lost_power,
+                share: leak.lost_share,
+            });
+        }
         warn_of_leak(&voxels, &leak, cx);
         Ok(VoxelStudy {
             voxels,

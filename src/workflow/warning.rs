@@ -274,8 +274,12 @@ pub enum Warning {
         n_escaped: u64,
         /// The number of all links.
         n_links: u64,
+        /// The power that is lost there and at backs, W.
+        power: f64,
+        /// The share of the emitted power.
+        share: f64,
     },
-    /// Light passes through closed surfaces, or is lost in a closed scene.
+    /// Light passes through closed surfaces.
     PassedWalls {
         /// The power, W.
         power: f64,

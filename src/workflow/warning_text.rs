@@ -222,9 +222,16 @@ impl Warning {
                     shown.join(", ")
                 )
             }
-            Self::EscapingLinks { n_escaped, n_links } => {
-                let share = 100.0 * *n_escaped as f64 / (*n_links).max(1) as f64;
-                format!("{n_escaped} links ({share:.2} %) leave a closed scene; {larger}")
+            Self::EscapingLinks {
+                n_escaped,
+                n_links,
+                power,
+                share,
+            } => {
+                let of_links = 100.0 * *n_escaped as f64 / (*n_links).max(1) as f64;
+                format!(
+                    "{n_escaped} links ({of_links:.2} %) leave a closed scene; with backs, {power:.1e} W are lost, {share:.1e} of the emitted power; {larger}"
+                )
             }
             Self::PassedWalls {
                 power,
@@ -238,7 +245,7 @@ impl Warning {
                 );
                 let enough = enough.map_or_else(|| "larger".to_owned(), |n| n.to_string());
                 format!(
-                    "{power:.1e} W, {share:.1e} of the emitted power, leaks through{wall}, or is lost; give {}",
+                    "{power:.1e} W, {share:.1e} of the emitted power, passes{wall}, so surfaces behind them are too bright; give {}",
                     named(Parameter::Voxels, Some(&enough))
                 )
             }
