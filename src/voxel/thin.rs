@@ -60,13 +60,13 @@ impl Leak {
     /// `exitance`: E, W·m⁻², \[n, c\].
     #[must_use]
     pub fn new(power: &LeakPower, voxels: &VoxelScene, exitance: &Block) -> Self {
-        let greatest = |power: &[f64]| {
+        let greatest = |of_kind: &[f64]| {
             let of_channel = |(c, &leaking): (usize, &f64)| {
                 let emitted = |(k, s): (usize, &Surfel)| s.area * exitance.row(k)[c];
                 let emitted: f64 = voxels.surfels.iter().enumerate().map(emitted).sum();
                 [leaking, if leaking > 0.0 { leaking / emitted } else { leaking }]
             };
-            let all = power.iter().enumerate().map(of_channel);
+            let all = of_kind.iter().enumerate().map(of_channel);
             all.max_by(|a, b| a[1].total_cmp(&b[1])).unwrap_or_default()
         };
         let ([power, share], [lost_power, lost_share]) = (greatest(&power.passed), greatest(&power.lost));
