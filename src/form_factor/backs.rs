@@ -81,13 +81,12 @@ pub(super) fn back_factors(input: Input<'_>, wanted: &[bool], n_rays: Option<usi
 
 /// Returns the fraction of rays that met back faces.
 fn counted(probe: &Probe) -> Fraction {
-    let (n, n_blind) = (probe.n_rays.max(1) as f64, probe.n_blind as f64);
+    let n = probe.n_rays as f64;
     // Laplace's rule: no count proves that there is nothing.
     let p = (probe.n_absorbed as f64 + 1.0) / (n + 2.0);
     Fraction {
         value: probe.n_absorbed as f64 / n,
-        // What blind rays would have met may be all alike.
-        common: n_blind / (n + n_blind),
+        common: 0.0,
         variance: p * (1.0 - p) / n,
     }
 }

@@ -135,14 +135,14 @@ fn by_slits(input: Input<'_>, width: f64) -> Vec<f64> {
 
 /// Returns an upper bound of the light that escapes: the fraction of rays that hit nothing, and 8 standard deviations.
 fn most_escaped(probe: &Probe) -> f64 {
-    let n = probe.n_rays.max(1) as f64;
+    let n = probe.n_rays as f64;
     let likely = (probe.n_escaped as f64 + 1.0) / (n + 2.0);
     share(probe) + SIGMAS * (likely * (1.0 - likely) / n).sqrt()
 }
 
 /// Returns the fraction of rays that hit nothing.
 fn share(probe: &Probe) -> f64 {
-    probe.n_escaped as f64 / probe.n_rays.max(1) as f64
+    probe.n_escaped as f64 / probe.n_rays as f64
 }
 
 /// Shoots rays from all patches, and refuses a scene if more than [`MAX_ESCAPED`] of those of a patch leave it: the error names the patch that loses the most.

@@ -16,6 +16,7 @@ use crate::geometry::sampling::Frame;
 use crate::matrix::{Entry, RayWeights, RowTally, RowTile, StorageChoice};
 use crate::mesh::PatchId;
 use crate::progress::Progress;
+use crate::scene::FaceId;
 use crate::setting::{Kind, Setting, Value};
 use crate::visibility::{Coherence, HitBatch, RayBatch};
 
@@ -187,13 +188,13 @@ impl<'a> Row<'a> {
                 self.rays.push_ray(origin, frame.to_world(cell.direction));
                 self.factors.push(point.weight * cell.factor);
             }
-            self.trace();
+            self.trace(self.input.mesh.patches[i].face);
         }
     }
 
-    fn trace(&mut self) {
+    fn trace(&mut self, own: FaceId) {
         let visibility = self.input.visibility;
-        visibility.closest_hits(&self.rays, Coherence::Coherent, &mut self.hits);
+        visibility.closest_hits_from(own, &self.rays, Coherence::Coherent, &mut self.hits);
         for (k, &factor) in self.factors.iter().enumerate() {
             self.tally.n_rays += 1;
             match self.hits.face(k) {

@@ -10,10 +10,7 @@ use crate::visibility::{Coherence, HitBatch, RayBatch};
 /// The fate of the rays of a patch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Probe {
-    /// Rays that count: all but [`n_blind`](Self::n_blind).
     pub(super) n_rays: u64,
-    /// Rays that met the back of their own face: needles in f32 are not where their patches are.
-    pub(super) n_blind: u64,
     /// Rays that hit nothing.
     pub(super) n_escaped: u64,
     /// Rays that hit a back face.
@@ -34,7 +31,7 @@ impl Probe {
     /// Shoots rays from points spread over patch `i`, cosine-distributed.
     pub(super) fn shoot(input: Input<'_>, i: usize, n_rays: usize, (rays, hits): &mut (RayBatch, HitBatch)) -> Self {
         let visibility = input.visibility;
-        let (normal, own_face) = (input.mesh.patches[i].normal, input.mesh.patches[i].face);
+        let normal = input.mesh.patches[i].normal;
         let place = UniformOnPolygon::new(&input.mesh.polygon(PatchId::from_index(i)));
         let frame = Frame::from_normal(normal);
         let start = normal * visibility.offset() - visibility.frame_origin();
@@ -44,10 +41,9 @@ impl Probe {
             let [u, v, s, t] = points.next_point();
             rays.push_ray(place.point(u, v) + start, frame.to_world(cosine_direction(s, t)));
         }
-        visibility.closest_hits(rays, Coherence::Incoherent, hits);
+        visibility.closest_hits_from(input.mesh.patches[i].face, rays, Coherence::Incoherent, hits);
         let mut probe = Self {
-            n_rays: 0,
-            n_blind: 0,
+            n_rays: n_rays as u64,
             n_escaped: 0,
             n_absorbed: 0,
             exit: input.mesh.patches[i].centroid,
@@ -62,11 +58,9 @@ impl Probe {
                     }
                     probe.n_escaped += 1;
                 }
-                Some(hit) if hit.back && hit.face == own_face => probe.n_blind += 1,
                 Some(hit) => probe.n_absorbed += u64::from(hit.back),
             }
         }
-        probe.n_rays = n_rays as u64 - probe.n_blind;
         probe
     }
 }

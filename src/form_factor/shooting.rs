@@ -8,6 +8,7 @@ use super::Input;
 use crate::geometry::sampling::{Frame, Sequence, cosine_direction};
 use crate::matrix::{Entry, RayWeights, RowTally};
 use crate::mesh::{Patch, PatchId};
+use crate::scene::FaceId;
 use crate::visibility::{Coherence, HitBatch, RayBatch};
 
 /// One ray to shoot: its starting point, the two numbers of its direction, and its share of the patch.
@@ -92,10 +93,10 @@ impl<'a> Shooter<'a> {
             sums.squared += shot.weight * shot.weight;
             tally.n_rays += 1;
             if self.rays.len() == BATCH {
-                self.trace(&mut tally, &mut sums);
+                self.trace(patch.face, &mut tally, &mut sums);
             }
         }
-        self.trace(&mut tally, &mut sums);
+        self.trace(patch.face, &mut tally, &mut sums);
         sums.escaped /= total;
         sums.absorbed /= total;
         sums.squared /= total * total;
@@ -117,10 +118,10 @@ impl<'a> Shooter<'a> {
         (&mut self.entries, tally)
     }
 
-    fn trace(&mut self, tally: &mut RowTally, sums: &mut RayWeights) {
+    fn trace(&mut self, own: FaceId, tally: &mut RowTally, sums: &mut RayWeights) {
         self.input
             .visibility
-            .closest_hits(&self.rays, Coherence::Incoherent, &mut self.hits);
+            .closest_hits_from(own, &self.rays, Coherence::Incoherent, &mut self.hits);
         for (k, &weight) in self.weights.iter().enumerate() {
             match self.hits.face(k) {
                 None => {

@@ -92,6 +92,35 @@ pub trait Visibility: Send + Sync {
     /// Where two faces of opposite winding coincide, the one that faces the ray's origin is reported.
     fn closest_hits(&self, rays: &RayBatch, coherence: Coherence, hits: &mut HitBatch);
 
+    /// As [`closest_hits`](Self::closest_hits) for rays that start in front of the face `own`, which none of them can meet from behind.
+    ///
+    /// In f32 the plane of a needle may be off by more than rays start from it. Those that seem to meet its back continue behind that place.
+    fn closest_hits_from(&self, own: FaceId, rays: &RayBatch, coherence: Coherence, hits: &mut HitBatch) {
+        self.closest_hits(rays, coherence, hits);
+        let own_back = Some(FaceHit { face: own, back: true });
+        let stopped: Vec<usize> = (0..rays.len()).filter(|&k| hits.face(k) == own_back).collect();
+        if stopped.is_empty() {
+            return;
+        }
+        let (mut rest, mut found) = (RayBatch::default(), HitBatch::default());
+        for &k in &stopped {
+            let [origin, direction] =
+                [&rays.origin, &rays.direction].map(|of| DVec3::from_array(of.each_ref().map(|x| f64::from(x[k]))));
+            let reached = f64::from(hits.t[k]) + self.offset() / direction.length();
+            rest.push_ray(origin + reached * direction, direction);
+        }
+        self.closest_hits(&rest, Coherence::Incoherent, &mut found);
+        for (k, &ray) in stopped.iter().enumerate() {
+            // One that still seems to meet its own face leaves it, at least.
+            hits.face_and_side[ray] = if found.face(k) == own_back {
+                HitBatch::MISS
+            } else {
+                found.face_and_side[k]
+            };
+            (hits.t[ray], hits.u[ray], hits.v[ray]) = (hits.t[ray] + found.t[k], found.u[k], found.v[k]);
+        }
+    }
+
     /// Returns for each ray whether any face lies between its origin and `t_far`; `blocked` is resized to the batch.
     fn occluded(&self, rays: &RayBatch, coherence: Coherence, blocked: &mut Vec<bool>);
 }

@@ -17,7 +17,7 @@ use crate::voxel::{
 };
 
 /// The share of the emitted power above which light that is lost in a closed scene is told although no link leaves it.
-const MAX_LOST: f64 = 1e-2;
+const TOLD_LOSS: f64 = 1e-2;
 
 /// The relative amount of unshot light above which there is a warning.
 const MAX_UNSHOT: f64 = 0.05;
@@ -234,7 +234,7 @@ impl Model {
         cx.audited(audit::sides(&lit.leak_power.passed));
         let leak = Leak::new(&lit.leak_power, &voxels, &materials.exitance);
         let n_escaped = links.n_escaped.unwrap_or(0);
-        if self.plan.watertight && (n_escaped > 0 || leak.lost_share > MAX_LOST) {
+        if self.plan.watertight && (n_escaped > 0 || leak.lost_share > TOLD_LOSS) {
             cx.warn(Warning::EscapingLinks {
                 n_escaped,
                 n_links: links.n_links,

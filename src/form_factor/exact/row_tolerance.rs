@@ -34,7 +34,7 @@ const STUCK: f64 = 0.8;
 /// Exchange areas such that every row's error is within a tolerance.
 ///
 /// The error of a row is the sum over j of the errors that its entries state: all of one row may have one sign. Entries are computed to `row_tolerance` first. Where a row is above it,
-/// its greatest errors are brought down to one level at which the row is within the tolerance: only partial pairs above the levels of both rows are computed again, beside the first result. With a checkpoint, the first computation
+/// its greatest errors are brought down to one level at which the row is within the tolerance: only partial pairs above the level of either row are computed again, beside the first result. With a checkpoint, the first computation
 /// continues where an earlier run ended. Where entries miss their level and that does not help, as with rounded corners, [`Computed::tolerance_met`](crate::form_factor::Computed::tolerance_met) is false.
 ///
 /// [`PairCounts::n_rays`](crate::form_factor::PairCounts::n_rays) are the rays of all computations; a pair counts as clipped or by rays each time that it was computed.

@@ -149,12 +149,12 @@ impl Walk<'_> {
         match seen.visibility {
             PairVisibility::Full => self.push_full(i, j, seen.touched || touched),
             PairVisibility::None => self.push_hidden(i, j, seen.touched),
-            PairVisibility::Partial(_) if self.is_exact_enough(i, j) => {
-                self.strip.counts.partial += 1;
-                self.push(i, j, self.before(i, j).unwrap_or_default());
-            }
             PairVisibility::Partial(occluders) => {
                 self.strip.counts.partial += 1;
+                if let Some(known) = self.exact_enough(i, j) {
+                    self.push(i, j, known);
+                    return;
+                }
                 let (begin, place) = (self.strip.occluders.len(), self.row(i).len());
                 self.strip.occluders.extend(occluders);
                 self.strip.partial.push(PartialPair {
@@ -169,12 +169,11 @@ impl Walk<'_> {
         }
     }
 
-    /// Returns whether a less exact computation was exact enough for a pair. What it did not store was 0 for certain.
-    fn is_exact_enough(&self, i: usize, j: usize) -> bool {
-        self.batches.finer.is_some()
-            && self
-                .before(i, j)
-                .is_none_or(|before| before.error <= self.batches.goal([i, j]))
+    /// Returns the exchange area of a less exact computation that was exact enough for a pair. What it did not store was 0 for certain.
+    fn exact_enough(&self, i: usize, j: usize) -> Option<Exchange> {
+        self.batches.finer?;
+        let known = self.before(i, j).unwrap_or_default();
+        (known.error <= self.batches.goal([i, j])).then_some(known)
     }
 
     fn row(&mut self, i: usize) -> &mut Vec<(u32, f64, f64)> {

@@ -194,3 +194,29 @@ fn shadows_of_near_occluders_are_within_the_stated_errors() {
         }
     }
 }
+
+/// A needle narrower than f32 rays resolve sees past itself: no ray meets its back, and what is in front has its share of them.
+#[test]
+fn rays_from_a_needle_do_not_meet_its_back() {
+    let mut uniform = Uniform(9);
+    for width in [1e-3, 1e-4, 2e-5] {
+        let turn = uniform.turn_of_z(false);
+        let needle = rectangle(DVec3::new(-1.1, 0.6, 0.4), [1.4, width], turn);
+        let screen = rectangle(
+            DVec3::new(-1.1, 0.6, 0.4) + turn * DVec3::Z,
+            [0.9, 0.7],
+            turn * DQuat::from_rotation_x(std::f64::consts::PI),
+        );
+        let room = prepared(&[needle, screen]);
+        let truth = room.compute(&ExactMethod::default()).get(0, 1);
+        for name in ["sr", "qmc", "hemicube"] {
+            let computed = room.compute(&*method(name, &MethodSettings::default()).unwrap());
+            assert_eq!(computed.tallies()[0].n_absorbed, 0, "{name} {width}");
+            let (found, error) = (computed.get(0, 1), computed.std_error(0, 1));
+            assert!(
+                (found - truth).abs() <= 4.0 * error + 2e-3,
+                "{name} {width}: {found} for {truth}"
+            );
+        }
+    }
+}

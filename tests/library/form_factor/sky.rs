@@ -77,8 +77,11 @@ fn assert_counted(
     for (i, (both, rays)) in pairs(&found).into_iter().zip(pairs(by_rays)).enumerate() {
         for (what, own, oracle) in [("sky", both[0], rays[0]), ("back", both[1], rays[1])] {
             let off = (own.value - oracle.value).abs();
+            // Few rays that happen to meet a back say little of how far their number is off: the share itself says more.
+            let expected = own.value.clamp(0.0, 1.0);
+            let of_rays = oracle.variance.max(expected * (1.0 - expected) / RAYS as f64);
             assert!(
-                off <= n_errors * own.common + 5.0 * (own.variance + oracle.variance).sqrt(),
+                off <= n_errors * own.common + 5.0 * (own.variance + of_rays).sqrt(),
                 "{name} {} {i}: {what} {own:?}, by rays {oracle:?}",
                 method.name()
             );
