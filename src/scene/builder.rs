@@ -367,8 +367,8 @@ impl SceneBuilder {
             warn(line, SceneWarningKind::ZeroAreaFaces { count });
         }
         if let Some(cut) = cut {
-            let (count, area) = (cut.count, cut.area);
-            warn(cut.line, SceneWarningKind::CutFaces { count, area });
+            let (count, area, moved) = (cut.count, cut.area, cut.moved);
+            warn(cut.line, SceneWarningKind::CutFaces { count, area, moved });
             if let Some((line, n_covered)) = cut.covered {
                 warn(line, SceneWarningKind::CoveredFaces { count: n_covered });
             }

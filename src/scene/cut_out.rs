@@ -26,6 +26,8 @@ pub(super) struct CutOut {
     pub(super) count: usize,
     /// The area that larger faces lost, in m².
     pub(super) area: f64,
+    /// The greatest distance of a corner from the plane of a larger face whose pieces end there, in m; 0 within the rounding.
+    pub(super) moved: f64,
     /// The first line, and the number, of faces that lost all of their area.
     pub(super) covered: Option<(u32, usize)>,
 }
@@ -67,6 +69,7 @@ pub(super) fn cut_out(scene: &mut Scene) -> Result<Option<CutOut>, Refused> {
         let cutters: Vec<Vec<DVec3>> = cutters.iter().map(|&cutter| scene.polygon(cutter)).collect();
         let corners = scene.polygon(face);
         let plane = &planes[&face];
+        report.moved = report.moved.max(plane.distance(&corners, &cutters));
         let pieces = plane.subtract(Piece::new(&corners), &cutters);
         let outlines: Vec<Vec<DVec3>> = pieces.iter().flat_map(|piece| convex_faces(piece.corners())).collect();
         let faces = vertices.faces(scene, scene.faces[face.0 as usize], &outlines)?;

@@ -33,12 +33,14 @@ pub enum SceneWarningKind {
         count: usize,
     },
     /// Faces are drawn on larger ones in their plane, as doors on a wall, and were cut out of these.
-    #[error("{}, {} m² in all", one_or(*count, "a face lies on larger ones in its plane and is cut out of them", "faces lie on larger ones in their plane, this is the first; they are cut out of these"), short_area(*area))]
+    #[error("{}, {} m² in all{}", one_or(*count, "a face lies on larger ones in its plane and is cut out of them", "faces lie on larger ones in their plane, this is the first; they are cut out of these"), short_area(*area), moved_corners(*moved))]
     CutFaces {
         /// The number of faces that were cut out.
         count: usize,
         /// The area that the larger faces lost, in m².
         area: f64,
+        /// The greatest distance of their corners from the planes of the larger faces, in m, which end there now; 0 within the rounding.
+        moved: f64,
     },
     /// Faces were cut away as a whole: smaller ones in their plane cover them.
     #[error("smaller faces in {}", if *count == 1 { "its plane cover this face, which is left out".to_owned() } else { format!("their plane cover {count} faces, which are left out; this is the first") })]
@@ -281,6 +283,15 @@ fn one_or(count: usize, one: &str, more: &str) -> String {
         one.to_owned()
     } else {
         format!("{count} {more}")
+    }
+}
+
+/// Returns what corners off the plane of a larger face do to it, after a semicolon.
+fn moved_corners(moved: f64) -> String {
+    if moved > 0.0 {
+        format!("; corners move by {moved:.1e} m, which errors leave out")
+    } else {
+        String::new()
     }
 }
 

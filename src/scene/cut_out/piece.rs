@@ -66,6 +66,14 @@ impl Plane {
         Self { normal, tolerance }
     }
 
+    /// Returns the greatest distance of corners of `cutters` from the plane of a face; 0 up to the tolerance.
+    pub(super) fn distance(&self, face: &[DVec3], cutters: &[Vec<DVec3>]) -> f64 {
+        let normal = polygon::area_vector(face).normalize_or_zero();
+        let heights = cutters.iter().flatten().map(|&v| normal.dot(v - face[0]).abs());
+        let greatest = heights.fold(0.0, f64::max);
+        if greatest > self.tolerance { greatest } else { 0.0 }
+    }
+
     /// Returns the convex pieces that are left of a face without the convex `cutters`.
     ///
     /// A piece is cut along the edges of one cutter after another, from border to border: a wall becomes rectangles around an upright door, without slivers that run to its corners.

@@ -127,7 +127,7 @@ fn formats() -> Vec<(String, f64, Number)> {
 /// The number of faces that are drawn on others, and the area that these lost.
 fn cut(loaded: &Loaded) -> Option<(usize, f64)> {
     loaded.warnings.iter().find_map(|warning| match warning.kind {
-        SceneWarningKind::CutFaces { count, area } => Some((count, area)),
+        SceneWarningKind::CutFaces { count, area, .. } => Some((count, area)),
         _ => None,
     })
 }
@@ -166,6 +166,28 @@ fn check(loaded: Loaded, expected: &[(&str, f64)], unit: f64, case: &str) {
             room.scene.surfaces[k].name
         );
     }
+}
+
+/// Pieces of a wall end at the corners of a door that is tilted out of it: what stands in between is then in front of one and behind another.
+#[test]
+fn a_door_that_moves_the_corners_of_its_wall_is_told_how_far() {
+    let moved = |height: f64| {
+        let wall = "v 0 0 0\nv 5 0 0\nv 5 3 0\nv 0 3 0\no wall\nf 1 2 3 4\n";
+        let door = format!("v 1 0 0\nv 2 0 0\nv 2 2 {height:e}\nv 1 2 {height:e}\no door\nf 5 6 7 8\n");
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("scene.obj");
+        std::fs::write(&path, format!("{wall}{door}")).unwrap();
+        let warnings = load(&path).unwrap().warnings;
+        let of_cut = |kind: &SceneWarningKind| match kind {
+            SceneWarningKind::CutFaces { moved, .. } => Some((*moved, kind.to_string())),
+            _ => None,
+        };
+        warnings.iter().find_map(|warning| of_cut(&warning.kind)).unwrap()
+    };
+    let (distance, message) = moved(1e-9);
+    assert!((distance - 1e-9).abs() < 1e-15 && message.ends_with("corners move by 1.0e-9 m, which errors leave out"));
+    let (distance, message) = moved(0.0);
+    assert!(distance <= 0.0 && message.ends_with("m² in all"));
 }
 
 #[test]

@@ -274,7 +274,7 @@ fn overlaps_are_found_among_many_faces() {
 /// Returns how many faces were cut out of others, the line of the first, and the area that the others lost.
 fn cut_faces(warnings: &[SceneWarning]) -> Option<((usize, u32), f64)> {
     warnings.iter().find_map(|warning| match warning.kind {
-        SceneWarningKind::CutFaces { count, area } => Some(((count, warning.line()?), area)),
+        SceneWarningKind::CutFaces { count, area, .. } => Some(((count, warning.line()?), area)),
         _ => None,
     })
 }
