@@ -8,6 +8,7 @@
 use std::ops::Range;
 
 use super::store::Store;
+use crate::matrix::backend::Sizes;
 use crate::matrix::error::MatrixError;
 use crate::matrix::kernel::aligned::Aligned;
 use crate::matrix::kernel::lanes::{add_row, multiply_rows};
@@ -100,15 +101,12 @@ impl<T: Scalar> Store for DenseTile<T> {
         self.values.len()
     }
 
-    fn n_nonzero(&self) -> usize {
-        self.n_nonzero
-    }
-
-    fn stored_byte(&self) -> usize {
-        self.pass_byte() + size_of_val(self.std_errors.as_slice())
-    }
-
-    fn pass_byte(&self) -> usize {
-        size_of_val(&*self.values)
+    fn sizes(&self) -> Sizes {
+        let pass_byte = size_of_val(&*self.values);
+        Sizes {
+            n_nonzero: self.n_nonzero,
+            pass_byte,
+            stored_byte: pass_byte + size_of_val(self.std_errors.as_slice()),
+        }
     }
 }
