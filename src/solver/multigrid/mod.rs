@@ -179,9 +179,7 @@ impl Solver for Multigrid {
     }
 
     fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
-        let Some(rows) = system.operator().rows() else {
-            return Err(SolverError::NeedsRows { solver: self.name() });
-        };
+        let rows = system.rows_for(self.name())?;
         let scaled = Scaled::new(system);
         let dark = (0..system.n_channels()).all(|c| scaled.is_dark(c));
         let start = Instant::now();
