@@ -268,9 +268,7 @@ impl Model {
             aim: Some(AIM),
             ..study.known()
         };
-        let areas = study.factors.areas().to_vec();
-        let materials = (reflectance.clone(), exitance.clone());
-        let solution = self.solve_system((operator, areas), request, materials, known, cx)?;
+        let solution = self.solve_system(operator, request, (&reflectance, &exitance), known, cx)?;
         let residual = solution.residual(&reflectance, &exitance);
         let solved = Solved {
             enclosure,
