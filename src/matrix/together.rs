@@ -133,6 +133,25 @@ impl Together {
     }
 }
 
+/// Joins parts, each behind its length.
+pub(in crate::matrix) fn with_lengths(parts: &[Vec<u8>]) -> Vec<u8> {
+    let parts = parts.iter();
+    let with_lengths = parts.map(|part| [&(part.len() as u64).to_le_bytes(), &part[..]].concat());
+    with_lengths.collect::<Vec<_>>().concat()
+}
+
+/// Returns the parts that [`with_lengths`] joined.
+pub(in crate::matrix) fn parts(mut bytes: &[u8]) -> Vec<&[u8]> {
+    let mut parts = Vec::new();
+    while let Some((length, after)) = bytes.split_first_chunk() {
+        let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
+        let (part, rest) = after.split_at(length);
+        parts.push(part);
+        bytes = rest;
+    }
+    parts
+}
+
 /// Returns the bytes of rows.
 pub(in crate::matrix) fn encode(tile: &RowTile) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(20 * tile.n_entries() + 8 * tile.n_rows() + 8);
@@ -261,20 +280,8 @@ impl FormFactors {
             return own.to_vec();
         };
         let own = threads::collect_from(own, encode);
-        let with_lengths = own
-            .iter()
-            .map(|bytes| [&(bytes.len() as u64).to_le_bytes(), &bytes[..]].concat());
-        let came = together.ranks.all_gather(&with_lengths.collect::<Vec<_>>().concat());
-        let mut tiles = Vec::new();
-        for bytes in &came {
-            let mut rest = bytes.as_slice();
-            while let Some((length, after)) = rest.split_first_chunk() {
-                let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
-                let (tile, others) = after.split_at(length);
-                tiles.push(tile);
-                rest = others;
-            }
-        }
+        let came = together.ranks.all_gather(&with_lengths(&own));
+        let tiles: Vec<&[u8]> = came.iter().flat_map(|bytes| parts(bytes)).collect();
         threads::collect_flat(tiles.len(), |k| decode(tiles[k]))
     }
 

@@ -153,6 +153,7 @@ impl<'a> DirectPass<'a> {
         visibility: &'a dyn Visibility,
         method: DirectMethod,
         (sequence, seed): (Sequence, u64),
+        sun: Option<DistantSun>,
     ) -> Self {
         let exitance: Vec<[f64; 3]> = scene
             .faces
@@ -181,16 +182,11 @@ impl<'a> DirectPass<'a> {
             method,
             sequence,
             seed,
-            sun: None,
+            sun,
             emitters,
             exitance,
             clear: (method == DirectMethod::Exact).then(|| ClearParts::new(scene, mesh)),
         }
-    }
-
-    /// Returns the pass with a sun beside the emitters.
-    pub(super) fn with_sun(self, sun: Option<DistantSun>) -> Self {
-        Self { sun, ..self }
     }
 
     /// Estimates the direct irradiance at one point, of the emitters and the sun.

@@ -100,7 +100,7 @@ impl PathWork for LightWork<'_> {
         let materials = (&rho, &all_lit);
         let solution = model.solve_system(&study.factors, self.request, materials, study.known(), cx)?;
         let carried = study.carried_error(materials, Some(&all_errors), &solution, cx)?;
-        let coarse = model.coarsened(study, &rho, &solution, cx)?;
+        let coarse = model.coarsened(study, &study.factors, &rho, &solution, cx)?;
         study.factors.if_readable(())?;
         let (mut found, mut values) = (Vec::new(), Values::default());
         let mut worst = TotalError::Relative(0.0);

@@ -174,7 +174,7 @@ impl Model {
         stack.announce(self, files, cx);
         let materials = (&stack.reflectance, &stack.exitance);
         let solution = self.solve_system(&factors.factors, request, materials, factors.known(), cx)?;
-        let coarse = self.coarsened(factors, &stack.reflectance, &solution, cx)?;
+        let coarse = self.coarsened(factors, &factors.factors, &stack.reflectance, &solution, cx)?;
         let mut worst = TotalError::Relative(0.0);
         for number in 0..lightings.len() {
             let (reflectance, exitance) = stack.materials(number);

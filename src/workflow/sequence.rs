@@ -279,7 +279,7 @@ impl Sequence {
         stack.announce(&mut model, &files, cx);
         let materials = (&stack.reflectance, &stack.exitance);
         let solution = model.solve_system(&factors.factors, request.solver, materials, factors.known(), cx)?;
-        let coarse = model.coarsened(&factors, &stack.reflectance, &solution, cx)?;
+        let coarse = model.coarsened(&factors, &factors.factors, &stack.reflectance, &solution, cx)?;
         let solved = Solved {
             model: &model,
             factors: &factors,

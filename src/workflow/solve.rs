@@ -244,7 +244,7 @@ impl Model {
         cx: &Context,
     ) -> Result<SolutionStudy, WorkflowError> {
         let carried = study.carried_error((reflectance, exitance), exitance_error, &solution, cx)?;
-        let coarse = self.coarsened(study, reflectance, &solution, cx)?;
+        let coarse = self.coarsened(study, &study.factors, reflectance, &solution, cx)?;
         study.factors.if_readable(())?;
         Ok(self.with_errors((exitance, solution), carried, coarse.as_ref(), cx))
     }

@@ -173,13 +173,8 @@ impl Model {
         let probe = (0..n).map(|_| random.next_u64() as f64 / u64::MAX as f64).collect();
         let mut product = Block::from_values(vec![0.0; n], 1);
         study.factors.apply(&Block::from_values(probe, 1), &mut product);
-        for value in reflectance
-            .values()
-            .iter()
-            .chain(exitance.values())
-            .chain(product.values())
-        {
-            hasher.update(value.to_le_bytes());
+        for block in [&reflectance, &exitance, &product] {
+            hash_block(&mut hasher, block);
         }
         work.hash_into(self, &mut hasher);
         hasher.finalize().into()

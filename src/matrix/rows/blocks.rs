@@ -259,7 +259,7 @@ impl<T: Scalar> Store for BlockTile<T> {
         }
     }
 
-    fn apply(&self, row: usize, _: usize, _: &Block, planes: &Planes, y: &mut [f64]) {
+    fn apply(&self, row: usize, planes: &Planes, y: &mut [f64]) {
         let n_channels = planes.n_channels();
         for first in (0..n_channels).step_by(CHANNELS_AT_ONCE) {
             match n_channels - first {
@@ -471,7 +471,7 @@ mod tests {
         for n_channels in 1..=5 {
             let x = Block::from_values(numbers(N * n_channels, 2), n_channels);
             let mut y = vec![f64::NAN; (n_rows - 1) * n_channels];
-            tile.apply(1, 1, &x, &Planes::of(&x), &mut y);
+            tile.apply(1, &Planes::of(&x), &mut y);
             for i in 1..n_rows {
                 let sums = (0..n_channels).map(|c| by_hand(&row(i), |j| x.row(j)[c]));
                 let own = (i - 1) * n_channels..i * n_channels;

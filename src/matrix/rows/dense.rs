@@ -84,9 +84,9 @@ impl<T: Scalar> Store for DenseTile<T> {
         values[diagonal].to_f64()
     }
 
-    fn apply(&self, row: usize, _: usize, x: &Block, planes: &Planes, y: &mut [f64]) {
+    fn apply(&self, row: usize, planes: &Planes, y: &mut [f64]) {
         let begin = row * self.n_columns;
-        let n_values = y.len() / x.n_channels() * self.n_columns;
+        let n_values = y.len() / planes.n_channels() * self.n_columns;
         multiply_rows(&self.values[begin..begin + n_values], self.n_columns, planes, y);
     }
 

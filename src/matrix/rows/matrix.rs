@@ -117,12 +117,12 @@ impl Backend for Rows {
         for (k, rows) in tasks {
             let (sums, after) = rest.split_at_mut(rows.len() * n_channels);
             rest = after;
-            with_sums.push((&self.tiles[k], rows.start - self.firsts[k], rows.start, sums));
+            with_sums.push((&self.tiles[k], rows.start - self.firsts[k], sums));
         }
         let n_terms = n_channels * self.tiles.iter().map(|tile| tile.n_stored()).sum::<usize>();
         let pay = threads::pay_for_pass(n_terms, self.sizes.pass_byte);
-        threads::for_each(pay, with_sums, |(tile, row, i, sums)| {
-            tile.apply(row, i, x, &planes, sums);
+        threads::for_each(pay, with_sums, |(tile, row, sums)| {
+            tile.apply(row, &planes, sums);
         });
         if let Some(share) = &self.share {
             share.complete(y);

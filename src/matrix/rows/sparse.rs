@@ -96,7 +96,7 @@ impl<T: Scalar> Store for SparseTile<T> {
         on_diagonal
     }
 
-    fn apply(&self, row: usize, _: usize, _: &Block, planes: &Planes, y: &mut [f64]) {
+    fn apply(&self, row: usize, planes: &Planes, y: &mut [f64]) {
         let rows = SparseRows {
             panels: self.panels,
             first_row: row,

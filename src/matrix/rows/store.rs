@@ -19,9 +19,7 @@ pub(in crate::matrix) trait Store: Debug + Send + Sync {
     fn dot_off_diagonal(&self, row: usize, diagonal: usize, x: &Block, sum: &mut [f64]) -> f64;
 
     /// Sets `y` (row-major, one entry per channel) to the products of as many rows with `x`, from the row `row` on.
-    ///
-    /// It is row `i` of the matrix; `planes` are `x` again.
-    fn apply(&self, row: usize, i: usize, x: &Block, planes: &Planes, y: &mut [f64]);
+    fn apply(&self, row: usize, x: &Planes, y: &mut [f64]);
 
     /// Adds `factor` a_j to `sum[j]` over the row, and returns the count of the row's stored numbers.
     fn add_row(&self, row: usize, factor: f64, sum: &mut [f64]) -> usize {
