@@ -101,13 +101,13 @@ impl FormFactors {
             };
             let columns: Vec<Vec<u8>> = threads::collect_from(asked, |(_, block)| columns_of(block));
             let came = ranks.all_gather(&with_lengths(&columns));
-            let of_ranks: Vec<Vec<&[u8]>> = came.iter().map(|bytes| parts(bytes)).collect();
+            let columns_of_ranks: Vec<Vec<&[u8]>> = came.iter().map(|bytes| parts(bytes)).collect();
             let with_columns: Vec<RowBlock<'_>> = threads::collect_flat(asked.len(), |k| {
                 let (rank, rows) = &asked[k];
                 (*rank == ranks.rank()).then(|| RowBlock {
                     factors: self,
                     rows: (*rows).clone(),
-                    columns: Some(joined(&of_ranks, k, rows.len())),
+                    columns: Some(joined(&columns_of_ranks, k, rows.len())),
                 })
             });
             act(&with_columns);
