@@ -13,7 +13,7 @@ use radiosity::experiment::lewis::{Room, TOLERANCE};
 use radiosity::form_factor::{FormFactorMethod, Input, RandomShooting};
 use radiosity::geometry::sampling::Sequence;
 use radiosity::matrix::operator::Block;
-use radiosity::matrix::{FormFactors, Precision, StorageChoice, Weighting};
+use radiosity::matrix::{FormFactors, Precision, StorageChoice};
 use radiosity::mesh::{Hierarchy, Mesh, Prolongation, Subdivision};
 use radiosity::progress::Silent;
 use radiosity::scene::{builtin, topology};
@@ -152,7 +152,7 @@ impl Case {
             .compute(input, StorageChoice::default(), &Silent)
             .expect("computed")
             .factors;
-        let symmetric = raw.symmetrised(Weighting::default()).expect("stored");
+        let symmetric = raw.symmetrised().expect("stored");
         let (factors, _) = symmetric
             .balanced(&vec![1.0; mesh.n_patches()], 1e-10, 500)
             .expect("balanced");

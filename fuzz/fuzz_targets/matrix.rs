@@ -5,7 +5,6 @@ use std::io::{Cursor, Read as _, Write as _};
 use std::path::Path;
 
 use libfuzzer_sys::fuzz_target;
-use radiosity::matrix::Weighting;
 use radiosity::report::form_factors::FormFactorFile;
 use radiosity_fuzz::{MESH, described, put, refused};
 use zip::write::SimpleFileOptions;
@@ -39,7 +38,7 @@ fn attempt(path: &Path) {
             let sums = factors.row_sums();
             assert!(sums.iter().all(|sum| sum.is_finite()), "{sums:?}");
             // Whatever passed as form factors can be repaired or is refused.
-            if let Ok(symmetric) = factors.symmetrised(Weighting::default()) {
+            if let Ok(symmetric) = factors.symmetrised() {
                 let _ = symmetric.balanced(factors.row_targets(true), 1e-12, 20);
             }
         }

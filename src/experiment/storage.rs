@@ -5,7 +5,7 @@ use serde::Serialize;
 use super::reference::ReferenceValues;
 use super::{ExperimentError, Reference};
 use crate::form_factor::{ExactMethod, FormFactorMethod, Input};
-use crate::matrix::{FormFactors, Layout, MatrixError, RowTally, RowTile, StorageChoice, Weighting};
+use crate::matrix::{FormFactors, Layout, MatrixError, RowTally, RowTile, StorageChoice};
 use crate::progress::Progress;
 
 /// The size of a matrix of form factors, without standard errors.
@@ -58,7 +58,7 @@ pub fn storage_figures(
     let (density, sparse_bytes) = (sparse.density(), sparse.stored_byte() as u64);
     drop(sparse);
     let dense_bytes = stored(Layout::Dense)?.stored_byte() as u64;
-    let symmetric = stored(Layout::Auto)?.symmetrised(Weighting::default())?;
+    let symmetric = stored(Layout::Auto)?.symmetrised()?;
     factors.if_readable(()).map_err(MatrixError::from)?;
     Ok(StorageFigures {
         n_patches: n,

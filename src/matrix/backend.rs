@@ -1,13 +1,35 @@
 //! The interface of all storages of form factors.
 
 use std::fmt::Debug;
+use std::iter::Sum;
 use std::ops::Range;
 use std::sync::Arc;
 
 use super::choice::Place;
 use super::error::{DiskError, MatrixError};
 use super::operator::Block;
-use super::tile::{Entry, index};
+use super::tile::{Entry, RowTile, index};
+
+/// What stored entries take, each counted once where ranks store parts.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::matrix) struct Sizes {
+    /// The number of nonzero entries.
+    pub(in crate::matrix) n_nonzero: usize,
+    /// The bytes that a pass reads.
+    pub(in crate::matrix) pass_byte: usize,
+    /// The bytes of numbers and standard errors, in memory or on the disk.
+    pub(in crate::matrix) stored_byte: usize,
+}
+
+impl Sum for Sizes {
+    fn sum<I: Iterator<Item = Self>>(parts: I) -> Self {
+        parts.fold(Self::default(), |a, b| Self {
+            n_nonzero: a.n_nonzero.saturating_add(b.n_nonzero),
+            pass_byte: a.pass_byte.saturating_add(b.pass_byte),
+            stored_byte: a.stored_byte.saturating_add(b.stored_byte),
+        })
+    }
+}
 
 /// A stored n by n matrix F, of any layout, precision and place.
 ///
@@ -19,9 +41,6 @@ pub(in crate::matrix) trait Backend: Debug + Send + Sync {
 
     /// Computes y = F x.
     fn apply(&self, x: &Block, y: &mut Block);
-
-    /// Returns the bytes that a pass reads.
-    fn pass_byte(&self) -> usize;
 
     /// Adds Σ_{j ≠ i} F_ij x_j to `sum` and returns F_ii.
     fn dot_off_diagonal(&self, i: usize, x: &Block, sum: &mut [f64]) -> f64;
@@ -61,11 +80,8 @@ pub(in crate::matrix) trait Backend: Debug + Send + Sync {
         Err(MatrixError::NotSymmetric)
     }
 
-    /// Returns the number of nonzero entries, those that other ranks store included.
-    fn n_nonzero(&self) -> usize;
-
-    /// Returns the bytes of numbers and standard errors, in memory or on the disk, of one process that stores all of them.
-    fn stored_byte(&self) -> usize;
+    /// Returns what the entries take, those that other ranks store included.
+    fn sizes(&self) -> Sizes;
 
     /// Returns the rows of which this rank stores every number; `None` where it stores all rows.
     ///
@@ -88,4 +104,13 @@ pub(in crate::matrix) trait Backend: Debug + Send + Sync {
     fn failure(&self) -> Option<&DiskError> {
         None
     }
+}
+
+/// A matrix whose rows come in order.
+pub(in crate::matrix) trait Filling {
+    /// Stores the next rows, if they are this rank's: on a disk [`SIDE`](super::kernel::sizes::SIDE) of them, the last ones of the matrix maybe fewer.
+    fn push(&mut self, tile: &RowTile) -> Result<(), MatrixError>;
+
+    /// Ends the matrix. Collective where ranks store parts.
+    fn finish(self: Box<Self>) -> Arc<dyn Backend>;
 }

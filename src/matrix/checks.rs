@@ -103,26 +103,15 @@ impl RowTargets {
     }
 }
 
-impl From<&[f64]> for RowTargets {
+impl<T: AsRef<[f64]> + ?Sized> From<&T> for RowTargets {
     /// Returns sums that are to be met exactly.
-    fn from(sums: &[f64]) -> Self {
+    fn from(sums: &T) -> Self {
+        let sums = sums.as_ref();
         Self {
             sums: sums.to_vec(),
             lost: vec![0.0; sums.len()],
             lost_variance: vec![0.0; sums.len()],
         }
-    }
-}
-
-impl From<&Vec<f64>> for RowTargets {
-    fn from(sums: &Vec<f64>) -> Self {
-        sums.as_slice().into()
-    }
-}
-
-impl<const N: usize> From<&[f64; N]> for RowTargets {
-    fn from(sums: &[f64; N]) -> Self {
-        sums.as_slice().into()
     }
 }
 

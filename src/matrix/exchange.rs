@@ -25,21 +25,7 @@ impl FormFactors {
         let n = areas.len();
         let area_max = areas.iter().copied().fold(0.0, f64::max);
         let mut rows = Regrouped::new(upper.into_iter());
-        let blocks = block_rows(n).map(|range| {
-            let mut block = RowTile::new(range.start);
-            let mut entries = Vec::new();
-            for _ in range {
-                let (tile, k) = rows.next_row(n)?;
-                entries.clear();
-                entries.extend(
-                    tile.row(k)
-                        .iter()
-                        .map(|&(j, a, error)| (j, a / area_max, error / area_max)),
-                );
-                block.push_row(&entries, RowTally::default());
-            }
-            Ok::<_, MatrixError>(block)
-        });
+        let blocks = block_rows(n).map(|range| Ok::<_, MatrixError>(rows.next_rows(range, n)?.divided(|_| area_max)));
         let exchange = symmetric::from_rows(&areas, storage, blocks)?;
         rows.expect_end(n)?;
         Ok(Self::of(areas, exchange, vec![RowTally::default(); n], storage))

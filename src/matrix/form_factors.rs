@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use super::backend::Backend;
+use super::backend::{Backend, Filling};
 use super::bounds::Open;
-use super::choice::{Among, Layout, Place, Precision, Scratch, StorageChoice};
+use super::choice::{Among, Layout, Place, Precision, StorageChoice};
 use super::error::{DiskError, MatrixError};
 use super::kernel::sizes::{SIDE, block_rows};
-use super::regroup::Regrouped;
+use super::regroup::{Regrouped, expect_next};
 use super::rows::Rows;
 use super::symmetric::row_factors;
 use super::tile::{RowTally, RowTile};
@@ -56,26 +56,29 @@ impl FormFactors {
     ) -> Result<Self, MatrixError> {
         let n = areas.len();
         expect_areas(&areas)?;
-        if let Place::Disk(scratch) = storage.place {
-            return Self::to_disk(areas, tiles, storage, scratch);
-        }
-        let (mut rows, mut tallies) = (Rows::new(n, storage), Vec::with_capacity(n));
-        for tile in tiles {
-            if tile.n_rows() == 0 {
-                continue;
-            }
-            if tile.first_row() != tallies.len() {
-                let (expected, found) = (tallies.len(), tile.first_row());
-                return Err(MatrixError::TileOrder { expected, found });
-            }
-            rows.push(&tile)?;
+        let mut filling = filling(n, storage)?;
+        let mut tallies = Vec::with_capacity(n);
+        let mut push = |tile: &RowTile| {
             tallies.extend_from_slice(tile.tallies());
+            filling.push(tile)
+        };
+        if storage.place.is_on_disk() {
+            let mut rows = Regrouped::new(tiles.into_iter());
+            block_rows(n).try_for_each(|range| push(&rows.next_rows(range, n)?))?;
+            rows.expect_end(n)?;
+        } else {
+            let mut n_rows = 0;
+            for tile in tiles.into_iter().filter(|tile| tile.n_rows() > 0) {
+                expect_next(n_rows, &tile)?;
+                push(&tile)?;
+                n_rows += tile.n_rows();
+            }
+            if n_rows != n {
+                let (expected, found) = (n, n_rows);
+                return Err(MatrixError::RowCount { expected, found });
+            }
         }
-        if tallies.len() != n {
-            let (expected, found) = (n, tallies.len());
-            return Err(MatrixError::RowCount { expected, found });
-        }
-        Ok(Self::of(areas, rows.finish(), tallies, storage))
+        Ok(Self::of(areas, filling.finish(), tallies, storage))
     }
 
     /// Stores this rank's rows, of several ranks: `give` adds blocks of [`SIDE`] rows in order. Collective.
@@ -85,43 +88,9 @@ impl FormFactors {
         storage: StorageChoice<'_>,
         give: impl FnOnce(&mut dyn FnMut(&RowTile) -> Result<(), MatrixError>) -> Result<(), MatrixError>,
     ) -> Result<Self, MatrixError> {
-        let n = areas.len();
-        let entries = match storage.place {
-            Place::Memory { .. } => {
-                let mut rows = Rows::new(n, storage);
-                give(&mut |tile| rows.push(tile))?;
-                rows.finish()
-            }
-            Place::Disk(scratch) => {
-                let mut file = disk::fill(n, storage, scratch)?;
-                give(&mut |tile| file.push(tile))?;
-                file.finish()
-            }
-        };
-        Ok(Self::of(areas, entries, tallies, storage))
-    }
-
-    fn to_disk(
-        areas: Vec<f64>,
-        tiles: impl IntoIterator<Item = RowTile>,
-        storage: StorageChoice<'_>,
-        scratch: Scratch<'_>,
-    ) -> Result<Self, MatrixError> {
-        let n = areas.len();
-        let mut rows = Regrouped::new(tiles.into_iter());
-        let mut tallies = Vec::with_capacity(n);
-        let mut file = disk::fill(n, storage, scratch)?;
-        for range in block_rows(n) {
-            let mut block = RowTile::new(range.start);
-            for _ in range {
-                let (tile, k) = rows.next_row(n)?;
-                block.push_row(tile.row(k), tile.tallies()[k]);
-                tallies.push(tile.tallies()[k]);
-            }
-            file.push(&block)?;
-        }
-        rows.expect_end(n)?;
-        Ok(Self::of(areas, file.finish(), tallies, storage))
+        let mut rows = filling(areas.len(), storage)?;
+        give(&mut |tile| rows.push(tile))?;
+        Ok(Self::of(areas, rows.finish(), tallies, storage))
     }
 
     /// Stores form factors that are symmetric as exchange areas, from those on and above the diagonal.
@@ -135,22 +104,7 @@ impl FormFactors {
     ) -> Result<Self, E> {
         expect_areas(&areas)?;
         let factors = row_factors(&areas);
-        let scaled = upper.map(|tile| {
-            let tile: RowTile = tile?;
-            let mut exchange = RowTile::new(tile.first_row());
-            let mut entries = Vec::new();
-            for k in 0..tile.n_rows() {
-                let factor = factors[tile.first_row() + k];
-                entries.clear();
-                entries.extend(
-                    tile.row(k)
-                        .iter()
-                        .map(|&(j, value, error)| (j, value / factor, error / factor)),
-                );
-                exchange.push_row(&entries, RowTally::default());
-            }
-            Ok::<_, E>(exchange)
-        });
+        let scaled = upper.map(|tile| tile.map(|tile| tile.divided(|i| factors[i])));
         let entries = symmetric::from_rows(&areas, storage, scaled)?;
         Ok(Self::of(areas, entries, tallies, storage))
     }
@@ -288,18 +242,26 @@ impl FormFactors {
     /// Returns the share of entries that are not zero.
     #[must_use]
     pub fn density(&self) -> f64 {
-        self.entries.n_nonzero() as f64 / (self.n_rows() as f64).powi(2)
+        self.entries.sizes().n_nonzero as f64 / (self.n_rows() as f64).powi(2)
     }
 
     /// Returns the bytes of entries and standard errors, in memory or on the disk, where one process stores all of them.
     #[must_use]
     pub fn stored_byte(&self) -> usize {
-        self.entries.stored_byte()
+        self.entries.sizes().stored_byte
     }
 
     pub(super) fn row_factor(&self, i: usize) -> f64 {
         self.entries.row_factors().map_or(1.0, |factors| factors[i])
     }
+}
+
+/// Returns an n by n matrix without rows.
+fn filling(n: usize, storage: StorageChoice<'_>) -> Result<Box<dyn Filling>, DiskError> {
+    Ok(match storage.place {
+        Place::Memory { .. } => Box::new(Rows::new(n, storage)),
+        Place::Disk(scratch) => disk::fill(n, storage, scratch)?,
+    })
 }
 
 pub(super) fn expect_areas(areas: &[f64]) -> Result<(), MatrixError> {

@@ -32,7 +32,7 @@ pub use checks::{Checks, Closed, MinMax, RowTargets};
 pub use choice::{Among, Layout, Place, Precision, Scratch, StorageChoice};
 pub use error::{DiskError, MatrixError};
 pub use form_factors::FormFactors;
-pub use repair::{BalanceReport, Need, RepairKind, Sampling, Weighting};
+pub use repair::{BalanceReport, Need, RepairKind, Sampling};
 pub use surfaces::{SurfaceFormFactors, SurfaceRow, SurfaceRows};
 pub use tile::{Entry, RayWeights, RowTally, RowTile};
 

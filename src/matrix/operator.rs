@@ -81,6 +81,19 @@ impl Block {
         Self::from_values(rows.copied().collect(), n_channels)
     }
 
+    /// Returns the block of `with(a, b)` of the values a and b of two blocks.
+    ///
+    /// # Panics
+    /// If the shapes differ.
+    #[must_use]
+    #[track_caller]
+    pub fn zip_with(&self, other: &Self, with: impl Fn(f64, f64) -> f64) -> Self {
+        let shape = |block: &Self| (block.n_rows(), block.n_channels());
+        assert_eq!(shape(self), shape(other), "blocks of one shape");
+        let values = self.values.iter().zip(&other.values);
+        Self::from_values(values.map(|(a, b)| with(*a, *b)).collect(), self.n_channels)
+    }
+
     /// Returns the number of rows (patches).
     #[must_use]
     pub fn n_rows(&self) -> usize {

@@ -1,5 +1,7 @@
 //! Rows from tiles of any size, one after the other.
 
+use std::ops::Range;
+
 use super::error::MatrixError;
 use super::tile::RowTile;
 
@@ -8,7 +10,6 @@ pub(super) struct Regrouped<I> {
     tiles: std::iter::Fuse<I>,
     /// The tile in which the next row may be, and the row's number there.
     current: Option<(RowTile, usize)>,
-    next: usize,
 }
 
 impl<I: Iterator<Item = RowTile>> Regrouped<I> {
@@ -16,28 +17,25 @@ impl<I: Iterator<Item = RowTile>> Regrouped<I> {
         Self {
             tiles: tiles.fuse(),
             current: None,
-            next: 0,
         }
     }
 
-    /// Returns the tile of the next of n rows, and the row's number in it.
-    pub(super) fn next_row(&mut self, n: usize) -> Result<(&RowTile, usize), MatrixError> {
-        let (expected, found) = (n, self.next);
-        if self.current.as_ref().is_none_or(|(tile, k)| *k == tile.n_rows()) {
-            self.current = self.tiles.find(|tile| tile.n_rows() > 0).map(|tile| (tile, 0));
-            if let Some((tile, _)) = &self.current
-                && tile.first_row() != self.next
-            {
-                return Err(MatrixError::TileOrder {
-                    expected: self.next,
-                    found: tile.first_row(),
-                });
+    /// Returns the next rows, of n in all.
+    pub(super) fn next_rows(&mut self, rows: Range<usize>, n: usize) -> Result<RowTile, MatrixError> {
+        let mut block = RowTile::new(rows.start);
+        for next in rows {
+            if self.current.as_ref().is_none_or(|(tile, k)| *k == tile.n_rows()) {
+                self.current = self.tiles.find(|tile| tile.n_rows() > 0).map(|tile| (tile, 0));
+                self.current.iter().try_for_each(|(tile, _)| expect_next(next, tile))?;
             }
+            let (tile, k) = self.current.as_mut().ok_or(MatrixError::RowCount {
+                expected: n,
+                found: next,
+            })?;
+            block.push_row(tile.row(*k), tile.tallies()[*k]);
+            *k += 1;
         }
-        let (tile, k) = self.current.as_mut().ok_or(MatrixError::RowCount { expected, found })?;
-        self.next += 1;
-        *k += 1;
-        Ok((tile, *k - 1))
+        Ok(block)
     }
 
     /// Refuses rows after the last of n.
@@ -49,5 +47,15 @@ impl<I: Iterator<Item = RowTile>> Regrouped<I> {
         } else {
             Err(MatrixError::RowCount { expected: n, found })
         }
+    }
+}
+
+/// Refuses a tile that does not begin at row `expected`.
+pub(super) fn expect_next(expected: usize, tile: &RowTile) -> Result<(), MatrixError> {
+    let found = tile.first_row();
+    if found == expected {
+        Ok(())
+    } else {
+        Err(MatrixError::TileOrder { expected, found })
     }
 }

@@ -93,7 +93,7 @@ fn ranks_that_store_parts_read_and_repair_as_one_process() {
             factors.expect("form factors")
         };
         let all = |factors: &FormFactors| {
-            let symmetric = factors.symmetrised(super::Weighting::Plain).expect("symmetric");
+            let symmetric = factors.symmetrised().expect("symmetric");
             let targets = vec![1.0; n];
             let (balanced, report) = symmetric.balanced(&targets, 1e-3, 5).expect("balanced");
             let (closed, of_closed) = symmetric.closed(&targets, 1e-3, 9).expect("closed");

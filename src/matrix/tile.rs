@@ -186,6 +186,20 @@ impl RowTile {
         self.ends.len()
     }
 
+    /// Returns the tile with the entries of each row i divided by `divisor(i)`.
+    pub(in crate::matrix) fn divided(mut self, divisor: impl Fn(usize) -> f64) -> Self {
+        let mut begin = 0;
+        for (i, &end) in (self.first_row..).zip(&self.ends) {
+            let by = divisor(i);
+            for (_, value, error) in &mut self.entries[begin..end] {
+                *value /= by;
+                *error /= by;
+            }
+            begin = end;
+        }
+        self
+    }
+
     /// Returns the number of entries in all rows; entries that are zero with a standard error of zero are not stored.
     #[must_use]
     pub fn n_entries(&self) -> usize {

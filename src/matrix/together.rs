@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use super::backend::Backend;
+use super::backend::{Backend, Sizes};
 use super::choice::StorageChoice;
 use super::form_factors::FormFactors;
 use super::kernel::sizes::{SIDE, block_rows};
@@ -25,7 +25,7 @@ pub(in crate::matrix) fn rows_of(n: usize, blocks: &Range<usize>) -> Range<usize
     (blocks.start * SIDE).min(n)..(blocks.end * SIDE).min(n)
 }
 
-/// The rows of a rank of several, and what all of them store.
+/// The rows of a rank of several.
 #[derive(Clone, Debug)]
 pub(in crate::matrix) struct Share {
     /// The blocks of rows that are this rank's.
@@ -33,8 +33,6 @@ pub(in crate::matrix) struct Share {
     /// The rows of these.
     pub(in crate::matrix) rows: Range<usize>,
     pub(in crate::matrix) ranks: Arc<dyn Ranks>,
-    /// The bytes that a pass reads, the numbers that are not zero, and the stored bytes of all ranks together, once they are known.
-    pub(in crate::matrix) of_all: Option<[usize; 3]>,
 }
 
 impl Share {
@@ -46,23 +44,22 @@ impl Share {
             rows: rows_of(n, &blocks),
             blocks,
             ranks: Arc::clone(ranks),
-            of_all: None,
         })
     }
 
     /// Adds up what the ranks store. Collective.
-    pub(in crate::matrix) fn add_up(&mut self, own: [usize; 3]) -> [usize; 3] {
-        let of_ranks = self
-            .ranks
-            .all_gather(own.map(|count| (count as u64).to_le_bytes()).as_flattened());
-        let of_all = of_ranks.iter().fold([0; 3], |mut sums: [usize; 3], bytes| {
-            for (sum, count) in sums.iter_mut().zip(bytes.as_chunks().0) {
-                *sum = sum.saturating_add(usize::try_from(u64::from_le_bytes(*count)).unwrap_or(usize::MAX));
+    pub(in crate::matrix) fn add_up(&self, own: Sizes) -> Sizes {
+        let counts = [own.n_nonzero, own.pass_byte, own.stored_byte].map(|count| (count as u64).to_le_bytes());
+        let of_ranks = self.ranks.all_gather(counts.as_flattened());
+        let of_rank = |bytes: &Vec<u8>| {
+            let count = |k: usize| usize::try_from(u64::from_le_bytes(bytes.as_chunks().0[k])).unwrap_or(usize::MAX);
+            Sizes {
+                n_nonzero: count(0),
+                pass_byte: count(1),
+                stored_byte: count(2),
             }
-            sums
-        });
-        self.of_all = Some(of_all);
-        of_all
+        };
+        of_ranks.iter().map(of_rank).sum()
     }
 
     /// Fills in the rows of other ranks. Collective.
@@ -134,6 +131,25 @@ impl Together {
         came.push_back(Arc::clone(&tile));
         tile
     }
+}
+
+/// Joins parts, each behind its length.
+pub(in crate::matrix) fn with_lengths(parts: &[Vec<u8>]) -> Vec<u8> {
+    let parts = parts.iter();
+    let with_lengths = parts.map(|part| [&(part.len() as u64).to_le_bytes(), &part[..]].concat());
+    with_lengths.collect::<Vec<_>>().concat()
+}
+
+/// Returns the parts that [`with_lengths`] joined.
+pub(in crate::matrix) fn parts(mut bytes: &[u8]) -> Vec<&[u8]> {
+    let mut parts = Vec::new();
+    while let Some((length, after)) = bytes.split_first_chunk() {
+        let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
+        let (part, rest) = after.split_at(length);
+        parts.push(part);
+        bytes = rest;
+    }
+    parts
 }
 
 /// Returns the bytes of rows.
@@ -264,20 +280,8 @@ impl FormFactors {
             return own.to_vec();
         };
         let own = threads::collect_from(own, encode);
-        let with_lengths = own
-            .iter()
-            .map(|bytes| [&(bytes.len() as u64).to_le_bytes(), &bytes[..]].concat());
-        let came = together.ranks.all_gather(&with_lengths.collect::<Vec<_>>().concat());
-        let mut tiles = Vec::new();
-        for bytes in &came {
-            let mut rest = bytes.as_slice();
-            while let Some((length, after)) = rest.split_first_chunk() {
-                let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
-                let (tile, others) = after.split_at(length);
-                tiles.push(tile);
-                rest = others;
-            }
-        }
+        let came = together.ranks.all_gather(&with_lengths(&own));
+        let tiles: Vec<&[u8]> = came.iter().flat_map(|bytes| parts(bytes)).collect();
         threads::collect_flat(tiles.len(), |k| decode(tiles[k]))
     }
 

@@ -6,7 +6,7 @@ use std::ops::Range;
 use super::form_factors::FormFactors;
 use super::kernel::sizes::SIDE;
 use super::tile::{Entry, RowTally, RowTile, index};
-use super::together::{blocks_of, decode, encode, rows_of};
+use super::together::{blocks_of, decode, encode, parts, rows_of, with_lengths};
 use crate::threads;
 
 /// The fewest rows that are transposed at a time: a few cache lines of every row of F.
@@ -100,14 +100,14 @@ impl FormFactors {
                 encode(&tile)
             };
             let columns: Vec<Vec<u8>> = threads::collect_from(asked, |(_, block)| columns_of(block));
-            let lengths = columns.iter().flat_map(|bytes| (bytes.len() as u64).to_le_bytes());
-            let came = ranks.all_gather(&lengths.chain(columns.iter().flatten().copied()).collect::<Vec<u8>>());
+            let came = ranks.all_gather(&with_lengths(&columns));
+            let columns_of_ranks: Vec<Vec<&[u8]>> = came.iter().map(|bytes| parts(bytes)).collect();
             let with_columns: Vec<RowBlock<'_>> = threads::collect_flat(asked.len(), |k| {
                 let (rank, rows) = &asked[k];
                 (*rank == ranks.rank()).then(|| RowBlock {
                     factors: self,
                     rows: (*rows).clone(),
-                    columns: Some(joined(&came, k, asked.len(), rows.len())),
+                    columns: Some(joined(&columns_of_ranks, k, rows.len())),
                 })
             });
             act(&with_columns);
@@ -138,18 +138,12 @@ fn blocks_in(rows: Range<usize>, n_together: usize) -> Vec<Range<usize>> {
     starts.map(|start| start..rows.end.min(start + n_together)).collect()
 }
 
-/// Returns the columns of block `k` of `n` blocks, of which each rank sent its part, one rank after the other.
-fn joined(came: &[Vec<u8>], k: usize, n: usize, n_columns: usize) -> Vec<Vec<Entry>> {
+/// Returns the columns of block `k`, of which each rank sent its part, one rank after the other.
+fn joined(of_ranks: &[Vec<&[u8]>], k: usize, n_columns: usize) -> Vec<Vec<Entry>> {
     let mut columns: Vec<Vec<Entry>> = vec![Vec::new(); n_columns];
-    for bytes in came {
-        let lengths = bytes[..8 * n].as_chunks().0.iter();
-        let length = |of: &[u8; 8]| usize::try_from(u64::from_le_bytes(*of)).unwrap_or(usize::MAX);
-        let begin = 8 * n + lengths.clone().take(k).map(length).sum::<usize>();
-        let end = begin + lengths.skip(k).map(length).next().unwrap_or(0);
-        if let Some(tile) = decode(&bytes[begin..end]) {
-            for (column, row) in columns.iter_mut().zip(0..tile.n_rows()) {
-                column.extend_from_slice(tile.row(row));
-            }
+    for tile in of_ranks.iter().filter_map(|parts| decode(parts[k])) {
+        for (column, row) in columns.iter_mut().zip(0..tile.n_rows()) {
+            column.extend_from_slice(tile.row(row));
         }
     }
     columns

@@ -81,7 +81,7 @@ impl DirectMethod {
 ///
 /// A point within rounding of an edge may lie behind the neighbouring wall once it is in f32, and see nothing.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Inset {
+struct Inset {
     centroid: DVec3,
     /// The scale of the map: points move to centroid + scale (point − centroid).
     scale: f64,
@@ -101,7 +101,7 @@ impl Inset {
 }
 
 /// Returns the distance of a point in a polygon from the nearest edge's line.
-pub(super) fn edge_distance(corners: &[DVec3], point: DVec3) -> f64 {
+fn edge_distance(corners: &[DVec3], point: DVec3) -> f64 {
     (0..corners.len())
         .map(|k| {
             let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
@@ -110,11 +110,53 @@ pub(super) fn edge_distance(corners: &[DVec3], point: DVec3) -> f64 {
         .fold(f64::INFINITY, f64::min)
 }
 
-pub(super) struct Emitter {
+/// Returns a point of a face, moved away from an edge that is nearer than `offset`.
+pub(super) fn away_from_edges(corners: &[DVec3], point: DVec3, offset: f64) -> DVec3 {
+    if edge_distance(corners, point) < offset {
+        Inset::new(corners, EDGE_OFFSETS * offset).apply(point)
+    } else {
+        point
+    }
+}
+
+/// The face of an emitter as a target of shadow rays.
+pub(super) struct Target {
     pub(super) corners: Vec<DVec3>,
-    normal: DVec3,
-    exitance: [f64; 3],
+    pub(super) normal: DVec3,
     points: UniformOnPolygon,
+}
+
+impl Target {
+    /// Returns the target of rays that start and end at a height of `offset` above their faces.
+    pub(super) fn new(corners: Vec<DVec3>, offset: f64) -> Self {
+        let inset = Inset::new(&corners, EDGE_OFFSETS * offset);
+        let inside: Vec<DVec3> = corners.iter().map(|&v| inset.apply(v)).collect();
+        Self {
+            normal: polygon::area_vector(&corners).normalize_or_zero(),
+            points: UniformOnPolygon::new(&inside),
+            corners,
+        }
+    }
+
+    /// Returns the end of the next ray from a point of a face with this normal, and the ray's weight; 0 below the horizon.
+    pub(super) fn next_end(&self, stream: &mut PointStream, point: DVec3, normal: DVec3) -> (DVec3, f64) {
+        let [u, v, ..] = stream.next_point();
+        let to = self.points.point(u, v);
+        let r = to - point;
+        let weight = normal.dot(r).max(0.0) * -self.normal.dot(r) / r.length_squared().powi(2);
+        (to, weight)
+    }
+
+    /// Returns the middle of the part above the horizon, for a point to which all ends are below it.
+    pub(super) fn middle_above(&self, point: DVec3, normal: DVec3) -> DVec3 {
+        let above = clip_to_half_space(&self.corners, point, normal);
+        above.iter().sum::<DVec3>() / above.len() as f64
+    }
+}
+
+struct Emitter {
+    face: Target,
+    exitance: [f64; 3],
 }
 
 /// The emitters of a scene, prepared.
@@ -141,7 +183,7 @@ pub(super) struct Scratch {
 }
 
 /// The distance that the ends of rays keep from the edges of their faces, in units of the visibility's offset.
-pub(super) const EDGE_OFFSETS: f64 = 2.0;
+const EDGE_OFFSETS: f64 = 2.0;
 
 /// The most rays that are traced at once.
 const BATCH: u32 = 1 << 14;
@@ -153,6 +195,7 @@ impl<'a> DirectPass<'a> {
         visibility: &'a dyn Visibility,
         method: DirectMethod,
         (sequence, seed): (Sequence, u64),
+        sun: Option<DistantSun>,
     ) -> Self {
         let exitance: Vec<[f64; 3]> = scene
             .faces
@@ -163,16 +206,9 @@ impl<'a> DirectPass<'a> {
             .face_ids()
             .zip(&exitance)
             .filter(|(_, exitance)| exitance.iter().any(|&e| e > 0.0))
-            .map(|(face, &exitance)| {
-                let corners = scene.polygon(face);
-                let inset = Inset::new(&corners, EDGE_OFFSETS * visibility.offset());
-                let inside: Vec<DVec3> = corners.iter().map(|&v| inset.apply(v)).collect();
-                Emitter {
-                    normal: polygon::area_vector(&corners).normalize_or_zero(),
-                    exitance,
-                    points: UniformOnPolygon::new(&inside),
-                    corners,
-                }
+            .map(|(face, &exitance)| Emitter {
+                face: Target::new(scene.polygon(face), visibility.offset()),
+                exitance,
             })
             .collect();
         Self {
@@ -181,16 +217,11 @@ impl<'a> DirectPass<'a> {
             method,
             sequence,
             seed,
-            sun: None,
+            sun,
             emitters,
             exitance,
             clear: (method == DirectMethod::Exact).then(|| ClearParts::new(scene, mesh)),
         }
-    }
-
-    /// Returns the pass with a sun beside the emitters.
-    pub(super) fn with_sun(self, sun: Option<DistantSun>) -> Self {
-        Self { sun, ..self }
     }
 
     /// Estimates the direct irradiance at one point, of the emitters and the sun.
@@ -217,7 +248,7 @@ impl<'a> DirectPass<'a> {
         let mut estimate = DirectEstimate::default();
         let Some(clear) = &self.clear else { return estimate };
         for (k, emitter) in (0..).zip(&self.emitters) {
-            let form_factor = scratch.seen.form_factor(clear, at, (k, &emitter.corners));
+            let form_factor = scratch.seen.form_factor(clear, at, (k, &emitter.face.corners));
             for (mean, exitance) in estimate.mean.iter_mut().zip(emitter.exitance) {
                 *mean += exitance * form_factor;
             }
@@ -233,11 +264,7 @@ impl<'a> DirectPass<'a> {
     pub(super) fn origin(&self, face: FaceId, at: DVec3, normal: DVec3) -> DVec3 {
         let offset = self.visibility.offset();
         let corners = self.scene.polygon(face);
-        let mut point = at;
-        if edge_distance(&corners, point) < offset {
-            point = Inset::new(&corners, EDGE_OFFSETS * offset).apply(point);
-        }
-        point - self.visibility.frame_origin() + normal * offset
+        away_from_edges(&corners, at, offset) - self.visibility.frame_origin() + normal * offset
     }
 
     fn by_rays(&self, at: &DirectPoint, n: u32, scratch: &mut Scratch) -> DirectEstimate {
@@ -283,9 +310,9 @@ impl<'a> DirectPass<'a> {
         let mut estimate = DirectEstimate::default();
         for emitter in &self.emitters {
             // Each emitter uses the same part of the stream, whether it is visible or not.
-            let form_factor = point_form_factor(at.point, at.normal, &emitter.corners);
+            let form_factor = point_form_factor(at.point, at.normal, &emitter.face.corners);
             if form_factor > 0.0 {
-                let (fraction, variance) = self.visible_fraction(at, emitter, n, &mut stream, scratch);
+                let (fraction, variance) = self.visible_fraction(at, &emitter.face, n, &mut stream, scratch);
                 for (c, exitance) in emitter.exitance.iter().enumerate() {
                     let whole = exitance * form_factor;
                     estimate.mean[c] += whole * fraction;
@@ -300,7 +327,7 @@ impl<'a> DirectPass<'a> {
     fn visible_fraction(
         &self,
         at: &DirectPoint,
-        emitter: &Emitter,
+        emitter: &Target,
         n: u32,
         stream: &mut PointStream,
         scratch: &mut Scratch,
@@ -310,10 +337,6 @@ impl<'a> DirectPass<'a> {
         let frame = self.visibility.frame_origin();
         let offset = self.visibility.offset();
         let origin = self.origin(at.face, at.point, at.normal);
-        let weight = |to: DVec3| {
-            let r = to - at.point;
-            at.normal.dot(r).max(0.0) * -emitter.normal.dot(r) / r.length_squared().powi(2)
-        };
         let mut left = n;
         while left > 0 {
             let n_batch = left.min(BATCH);
@@ -321,9 +344,7 @@ impl<'a> DirectPass<'a> {
             rays.clear();
             weights.clear();
             for _ in 0..n_batch {
-                let [u, v, ..] = stream.next_point();
-                let to = emitter.points.point(u, v);
-                let weight = weight(to);
+                let (to, weight) = emitter.next_end(stream, at.point, at.normal);
                 if weight > 0.0 {
                     weights.push(weight);
                     rays.push_segment(origin, to - frame + emitter.normal * offset);
@@ -331,8 +352,7 @@ impl<'a> DirectPass<'a> {
             }
             if left == 0 && rays.is_empty() && total <= 0.0 {
                 // All points are below the horizon, but a part of the face is above it.
-                let above = clip_to_half_space(&emitter.corners, at.point, at.normal);
-                let to = above.iter().sum::<DVec3>() / above.len() as f64;
+                let to = emitter.middle_above(at.point, at.normal);
                 weights.push(1.0);
                 rays.push_segment(origin, to - frame + emitter.normal * offset);
             }

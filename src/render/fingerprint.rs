@@ -13,7 +13,7 @@ impl RenderInput<'_> {
     #[must_use]
     pub fn fingerprint(&self, view: &dyn View, settings: &RenderSettings) -> [u8; 32] {
         let mut hasher = Sha256::new();
-        hasher.update(concat!("radiosity picture 3 ", env!("CARGO_PKG_VERSION"), "\n"));
+        hasher.update(concat!("radiosity picture 4 ", env!("CARGO_PKG_VERSION"), "\n"));
         hasher.update(self.scene.content_hash());
         hasher.update(self.mesh.geometry_hash());
         let (width, height) = view.size();

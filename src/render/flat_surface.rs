@@ -18,7 +18,7 @@ pub(super) struct FlatSurface {
     pub(super) deviation: f64,
     /// Whether the convex hull is a rectangle, to the same tolerance.
     pub(super) is_rectangle: bool,
-    natural: Oriented,
+    pub(super) natural: Oriented,
     /// The corners of the convex hull.
     hull: Vec<DVec3>,
 }
@@ -36,10 +36,6 @@ pub(super) struct Oriented {
 
 impl FlatSurface {
     /// Returns the smallest bounding rectangle, its right side nearest to the first edge of the first face.
-    pub(super) fn natural(&self) -> &Oriented {
-        &self.natural
-    }
-
     /// Returns the bounding rectangle with sides along two given orthogonal unit vectors in the surface's plane.
     pub(super) fn oriented(&self, right: DVec3, up: DVec3) -> Oriented {
         bounding_rectangle(&self.hull, right, up)

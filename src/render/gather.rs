@@ -83,7 +83,7 @@ pub(super) struct PixelPart {
 }
 
 /// The light gathered for one pixel so far.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Gathered {
     /// The sum of the pixel's irradiance over the points of each net.
     nets: [[f64; 3]; N_NETS],
@@ -100,7 +100,7 @@ pub(super) struct Gathered {
 }
 
 /// The stage of a pixel.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 enum Stage {
     /// Pilot rays determine the number of rays.
     #[default]
@@ -163,60 +163,6 @@ impl Gathered {
     }
 }
 
-/// The number of 8-byte numbers that [`Gathered::encode`] writes.
-const N_NUMBERS: usize = 3 * N_NETS + 3 + 6 + 3 + 1;
-
-impl Gathered {
-    /// The number of bytes of a pixel in a checkpoint.
-    pub(super) const N_BYTE: usize = 8 * N_NUMBERS;
-
-    /// Appends the state as 8-byte numbers, little-endian.
-    pub(super) fn encode(&self, bytes: &mut Vec<u8>) {
-        let [least, most] = self.range.unwrap_or([[f64::NAN; 3]; 2]);
-        let numbers = self
-            .nets
-            .iter()
-            .flatten()
-            .chain(&self.reflected)
-            .chain(&least)
-            .chain(&most)
-            .chain(&self.rare);
-        for number in numbers {
-            bytes.extend(number.to_bits().to_le_bytes());
-        }
-        bytes.extend(self.n_points.to_le_bytes());
-        // A pixel has at most 4096 parts.
-        bytes.extend((self.n_parts << 2 | self.stage as u32).to_le_bytes());
-    }
-
-    /// Reads the bytes of [`encode`](Self::encode); `None` for another length.
-    pub(super) fn decode(bytes: &[u8]) -> Option<Self> {
-        let (numbers, []) = bytes.as_chunks::<8>() else {
-            return None;
-        };
-        let numbers: &[[u8; 8]; N_NUMBERS] = numbers.try_into().ok()?;
-        let triple = |k: usize| [k, k + 1, k + 2].map(|k| f64::from_le_bytes(numbers[k]));
-        let rest = 3 * N_NETS;
-        let range = [triple(rest + 3), triple(rest + 6)];
-        let [a, b, c, d, e, f, g, h] = numbers[rest + 12];
-        let flags = u32::from_le_bytes([e, f, g, h]);
-        Some(Self {
-            nets: std::array::from_fn(|net| triple(3 * net)),
-            reflected: triple(rest),
-            range: (!range[0][0].is_nan()).then_some(range),
-            rare: triple(rest + 9),
-            n_points: u32::from_le_bytes([a, b, c, d]),
-            n_parts: flags >> 2,
-            stage: match flags & 3 {
-                0 => Stage::Pilot,
-                1 => Stage::Decided,
-                2 => Stage::Finished,
-                _ => return None,
-            },
-        })
-    }
-}
-
 /// Gathers light from a scene with a solution.
 pub(super) struct Gatherer<'a> {
     input: &'a RenderInput<'a>,
@@ -247,19 +193,10 @@ pub(super) fn first_rays(n_pixels: usize) -> u32 {
 /// Buffers of one thread.
 #[derive(Default)]
 pub(super) struct GatherScratch {
-    rays: RayBatch,
-    hits: HitBatch,
+    pub(super) rays: RayBatch,
+    pub(super) hits: HitBatch,
     /// The radiance of the rays, if it is collected.
     pub(super) pool: Option<LightPool>,
-}
-
-impl GatherScratch {
-    pub(super) fn with_pool(pool: Option<LightPool>) -> Self {
-        Self {
-            pool,
-            ..Self::default()
-        }
-    }
 }
 
 impl<'a> Gatherer<'a> {
@@ -465,31 +402,5 @@ impl GatherReport {
         }
         report.standard_error = (squares / (report.n_pixels.max(1) as f64)).sqrt();
         report
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_was_gathered_comes_back_to_the_last_bit() {
-        let some = Gathered {
-            nets: std::array::from_fn(|k| [0.1, 1.0 / 3.0, 1e-300].map(|x| x * (1.0 + k as f64))),
-            reflected: [0.2, 0.3, 0.0],
-            range: Some([[0.0; 3], [4.0, 5.0, 6.0]]),
-            rare: [0.5, 0.25, 1e-9],
-            n_points: 24,
-            n_parts: 257,
-            stage: Stage::Finished,
-        };
-        for gathered in [some, Gathered::default()] {
-            let mut bytes = Vec::new();
-            gathered.encode(&mut bytes);
-            assert_eq!(bytes.len(), Gathered::N_BYTE);
-            assert_eq!(Gathered::decode(&bytes), Some(gathered));
-            assert_eq!(Gathered::decode(&bytes[8..]), None);
-            assert_eq!(Gathered::decode(&bytes[..bytes.len() - 1]), None);
-        }
     }
 }

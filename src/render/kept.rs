@@ -1,15 +1,18 @@
 //! Stores final gather in a checkpoint: for each block and round the pixels that the round continued.
 
+use serde::{Deserialize, Serialize};
+
 use super::gather::Gathered;
 use super::pixel::Pixel;
 use super::rare::RareLight;
+use super::shared::to_bytes;
 use crate::checkpoint::Checkpoint;
 
 /// The part of the checkpoint, for one image at a time; form factors have the parts from 0 on.
 const PART: u32 = 1 << 20;
 
 /// A block during final gather.
-#[derive(Default)]
+#[derive(Serialize, Deserialize)]
 pub(super) struct BlockState {
     pub(super) pixels: Vec<Pixel>,
     pub(super) gathered: Vec<Gathered>,
@@ -19,38 +22,30 @@ pub(super) struct BlockState {
     pub(super) n_rounds: u32,
 }
 
+/// The result of a round: the pixels that were open before it, and the rare light.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Round {
+    pub(super) open: Vec<Gathered>,
+    pub(super) rare: RareLight,
+}
+
 impl BlockState {
     pub(super) fn is_open(&self) -> bool {
         self.gathered.iter().any(|pixel| !pixel.is_finished())
     }
 
-    /// Stores the result of a round.
-    pub(super) fn end_round(&mut self, gathered: Vec<Gathered>, rare: &RareLight) {
-        self.gathered = gathered;
-        self.rare = Some(*rare);
-        self.n_rounds += 1;
-    }
-
-    /// Returns the result of a round as bytes: the pixels that were not finished before it.
-    pub(super) fn encode_round(&self, next: &[Gathered], rare: &RareLight) -> Vec<u8> {
-        let mut bytes = Vec::new();
-        rare.encode(&mut bytes);
-        for (before, after) in self.gathered.iter().zip(next) {
-            if !before.is_finished() {
-                after.encode(&mut bytes);
-            }
+    /// Stores the result of a round; returns false if it has another number of pixels.
+    pub(super) fn end_round(&mut self, round: &Round) -> bool {
+        let mut open: Vec<&mut Gathered> = self.gathered.iter_mut().filter(|own| !own.is_finished()).collect();
+        if open.len() != round.open.len() {
+            return false;
         }
-        bytes
-    }
-
-    /// Stores the result of a round on another rank, from its bytes.
-    ///
-    /// # Panics
-    /// If the bytes are not a round after this state: ranks have equal states.
-    #[track_caller]
-    pub(super) fn end_other_round(&mut self, round: &[u8]) {
-        let (next, rare) = decoded(round, &self.gathered).expect("what a rank sends is a round");
-        self.end_round(next, &rare);
+        for (pixel, next) in open.iter_mut().zip(&round.open) {
+            **pixel = *next;
+        }
+        self.rare = Some(round.rare);
+        self.n_rounds += 1;
+        true
     }
 
     /// Returns the radiance of all pixels with the light gathered so far.
@@ -83,29 +78,16 @@ impl<'a> KeptRounds<'a> {
     /// Advances a block to the end of its last stored round.
     pub(super) fn restore(&self, block: usize, state: &mut BlockState) {
         while let Some(piece) = self.checkpoint.piece(self.piece(block, state.n_rounds)) {
-            let Some((next, rare)) = decoded(&piece, &state.gathered) else {
+            let round: Option<Round> = ciborium::from_reader(&piece[..]).ok();
+            if !round.is_some_and(|round| state.end_round(&round)) {
                 return;
-            };
-            state.end_round(next, &rare);
+            }
         }
     }
 
     /// Stores the result of the round after `state`.
-    pub(super) fn keep(&self, block: usize, state: &BlockState, next: &[Gathered], rare: &RareLight) {
-        let bytes = state.encode_round(next, rare);
-        self.checkpoint.keep(self.piece(block, state.n_rounds), &bytes);
+    pub(super) fn keep(&self, block: usize, state: &BlockState, round: &Round) {
+        let piece = self.piece(block, state.n_rounds);
+        self.checkpoint.keep(piece, &to_bytes(round));
     }
-}
-
-/// Returns the pixels and the rare light after a round; `None` for other bytes.
-fn decoded(piece: &[u8], before: &[Gathered]) -> Option<(Vec<Gathered>, RareLight)> {
-    let (rare, pixels) = piece.split_at_checked(RareLight::N_BYTE)?;
-    let (open, rest) = pixels.as_chunks::<{ Gathered::N_BYTE }>();
-    let mut open = open.iter();
-    let mut next = before.to_vec();
-    for pixel in next.iter_mut().filter(|pixel| !pixel.is_finished()) {
-        *pixel = Gathered::decode(open.next()?)?;
-    }
-    let is_whole = rest.is_empty() && open.next().is_none();
-    is_whole.then_some((next, RareLight::decode(rare)?))
 }

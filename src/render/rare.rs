@@ -15,6 +15,8 @@
 //! first rays of the smallest blocks. Where few pixels of a block see the rare light, their variance is stated too small, at most by their fraction of the block's pixels. Where few do not see it, as
 //! on another wall, their variance is stated too large, and they take more rays than necessary.
 
+use serde::{Deserialize, Serialize};
+
 /// The rule of three: if n rays all met the same value, all other values together have, with 95 % confidence, a share of less than 3/n.
 ///
 /// Source: Hanley and Lippman-Hand 1983, "If nothing goes wrong, is everything all right?", JAMA 249(13).
@@ -112,7 +114,7 @@ fn bin_of(brought: f64) -> usize {
 }
 
 /// The variance by light that is too rare for a pixel's own rays to show, for each number of rays.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct RareLight {
     /// The mean b̄.
     pub(super) mean: [f64; 3],
@@ -121,32 +123,9 @@ pub(super) struct RareLight {
 }
 
 impl RareLight {
-    /// The number of its bytes in a checkpoint.
-    pub(super) const N_BYTE: usize = 8 * 3 * (1 + N_POWERS);
-
     /// Returns the variance for a number of rays.
     pub(super) fn variance(&self, n_rays: u32) -> [f64; 3] {
         self.variances[n_rays.max(1).ilog2() as usize]
-    }
-
-    /// Appends the state as 8-byte numbers, little-endian.
-    pub(super) fn encode(&self, bytes: &mut Vec<u8>) {
-        for number in self.mean.iter().chain(self.variances.as_flattened()) {
-            bytes.extend(number.to_bits().to_le_bytes());
-        }
-    }
-
-    /// Reads the bytes of [`encode`](Self::encode); `None` for another length.
-    pub(super) fn decode(bytes: &[u8]) -> Option<Self> {
-        let (numbers, []) = bytes.as_chunks::<8>() else {
-            return None;
-        };
-        let numbers: &[[u8; 8]; 3 * (1 + N_POWERS)] = numbers.try_into().ok()?;
-        let triple = |k: usize| std::array::from_fn(|c| f64::from_le_bytes(numbers[3 * k + c]));
-        Some(Self {
-            mean: triple(0),
-            variances: std::array::from_fn(|k| triple(1 + k)),
-        })
     }
 }
 
@@ -177,15 +156,5 @@ mod tests {
         }
         // Equal light has no rare part.
         assert!(rare.variance(16)[1] < 1e-20 && rare.variance(16)[2] < 1e-20);
-    }
-
-    #[test]
-    fn rare_light_comes_back_to_the_last_bit() {
-        let rare = with_one_bright_of_1024();
-        let mut bytes = Vec::new();
-        rare.encode(&mut bytes);
-        assert_eq!(bytes.len(), RareLight::N_BYTE);
-        assert_eq!(RareLight::decode(&bytes), Some(rare));
-        assert_eq!(RareLight::decode(&bytes[8..]), None);
     }
 }

@@ -12,16 +12,15 @@ use super::error::RenderError;
 use super::gather::{GatherScratch, Gathered, Gatherer, PixelPart, first_rays};
 use super::image::Image;
 use super::input::RenderInput;
-use super::kept::{BlockState, KeptRounds};
+use super::kept::{BlockState, KeptRounds, Round};
 use super::pixel::{Canvas, Kinds, Pixel};
-use super::rare::{LightPool, RareLight};
+use super::rare::LightPool;
 use super::samples::{FirstLook, PixelSamples};
 use super::settings::RenderSettings;
 use super::shade::{self, Shader, SurfacePoint};
-use super::shared::{self, decode_pixels, decode_state, encode_pixels, encode_state};
+use super::shared;
 use super::view::View;
 use crate::progress::Progress;
-use crate::ranks::Code;
 use crate::scene::SurfaceId;
 use crate::visibility::{Coherence, HitBatch, RayBatch};
 
@@ -121,12 +120,8 @@ impl Renderer<'_> {
             progress.advance(1);
             Some(rendered)
         };
-        let code = Code {
-            encode: encode_pixels,
-            decode: decode_pixels,
-        };
         let sizes = (blocks.len(), BLOCKS_AT_A_TIME);
-        shared::for_each(progress, sizes, render, &code, |k, (pixels, own)| {
+        shared::for_each(progress, sizes, render, |k, (pixels, own)| {
             canvas.set_all(positions(blocks[k]), &pixels);
             for (surface, of_block) in own {
                 let sum = sums.entry(surface).or_default();
@@ -172,13 +167,9 @@ impl Renderer<'_> {
             progress.advance(1);
             Some(state)
         };
-        let code = Code {
-            encode: encode_state,
-            decode: decode_state,
-        };
         let mut states = Vec::with_capacity(blocks.len());
         let sizes = (blocks.len(), blocks.len().max(1));
-        shared::for_each(progress, sizes, begun, &code, |_, state| states.push(Mutex::new(state)))?;
+        shared::for_each(progress, sizes, begun, |_, state| states.push(Mutex::new(state)))?;
         let is_shared = progress.ranks().size() > 1;
         let mut n_rounds = 0;
         loop {
@@ -200,26 +191,22 @@ impl Renderer<'_> {
                 let (k, _) = open[number];
                 let mut state = locked(&states[k]);
                 // An interrupted round is discarded.
-                let (next, rare) = self.gather_round(gatherer, blocks[k], &state, progress)?;
+                let round = self.gather_round(gatherer, blocks[k], &state, progress)?;
                 if let Some(kept) = &kept {
-                    kept.keep(k, &state, &next, &rare);
+                    kept.keep(k, &state, &round);
                 }
-                let sent = is_shared.then(|| state.encode_round(&next, &rare));
-                state.end_round(next, &rare);
+                state.end_round(&round);
                 self.show(blocks[k], state.radiance());
                 progress.advance(1);
-                Some(sent.unwrap_or_default())
-            };
-            let of_rounds = Code {
-                encode: Vec::clone,
-                decode: |_, bytes: &[u8]| Some(bytes.to_vec()),
+                Some(is_shared.then_some(round))
             };
             let all = (n_open, n_open);
-            shared::for_each(progress, all, round, &of_rounds, |number, round: Vec<u8>| {
+            shared::for_each(progress, all, round, |number, round| {
                 let (k, n_before) = open[number];
                 let mut state = locked(&states[k]);
                 if state.n_rounds == n_before {
-                    state.end_other_round(&round);
+                    let fits = round.is_some_and(|round| state.end_round(&round));
+                    assert!(fits, "ranks have equal states");
                     self.show(blocks[k], state.radiance());
                 }
             })?;
@@ -248,11 +235,13 @@ impl Renderer<'_> {
         block: Block,
         state: &BlockState,
         progress: &dyn Progress,
-    ) -> Option<(Vec<Gathered>, RareLight)> {
+    ) -> Option<Round> {
         let parts = self.look(block).parts;
         // Later rounds have only the pixels that need them, whose rays do not represent the others.
-        let pool = state.rare.is_none().then(LightPool::default);
-        let mut scratch = GatherScratch::with_pool(pool);
+        let mut scratch = GatherScratch {
+            pool: state.rare.is_none().then(LightPool::default),
+            ..GatherScratch::default()
+        };
         let n_first = first_rays(parts.chunk_by(|a, b| a.pixel == b.pixel).count());
         let mut rest = parts.as_slice();
         let mut next = state.gathered.clone();
@@ -270,12 +259,17 @@ impl Renderer<'_> {
         let rare = state
             .rare
             .unwrap_or_else(|| scratch.pool.unwrap_or_default().rare_light());
-        for ((pixel, before), gathered) in state.pixels.iter().zip(&state.gathered).zip(&mut next) {
-            if !before.is_finished() && gathered.n_rays() > 0 {
-                gatherer.judge(pixel.shade.irradiance, &rare, gathered);
+        let mut open = Vec::new();
+        for ((pixel, before), mut gathered) in state.pixels.iter().zip(&state.gathered).zip(next) {
+            if before.is_finished() {
+                continue;
             }
+            if gathered.n_rays() > 0 {
+                gatherer.judge(pixel.shade.irradiance, &rare, &mut gathered);
+            }
+            open.push(gathered);
         }
-        Some((next, rare))
+        Some(Round { open, rare })
     }
 
     /// Finds the surface points in a block's samples.

@@ -141,7 +141,7 @@ pub(super) fn rendered(
     let sun = input.outdoors.sun.filter(|_| with_direct || settings.gather.is_some());
     let direct_pass = || {
         let numbers = (settings.sequence, settings.seed);
-        DirectPass::new(input.scene, input.mesh, input.visibility, settings.direct, numbers).with_sun(sun)
+        DirectPass::new(input.scene, input.mesh, input.visibility, settings.direct, numbers, sun)
     };
     let nothing = Block::zeros(input.mesh.n_patches(), 1);
     let (irradiance, flat) = match (settings.gather, with_direct) {
@@ -167,7 +167,7 @@ pub(super) fn rendered(
             let numbers = (settings.sequence, settings.seed);
             Gatherer::new(input, gather, numbers, shader, (direct_pass(), with_direct))
         }),
-        samples: PixelSamples::of_view(settings, view),
+        samples: PixelSamples::new(settings, &view.description()),
         size: (width, height),
         watcher,
     };

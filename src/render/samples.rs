@@ -10,7 +10,7 @@
 
 use super::settings::RenderSettings;
 use super::shade::SurfacePoint;
-use super::view::{View, ViewDescription};
+use super::view::ViewDescription;
 use crate::geometry::sampling::{PointStream, Sequence};
 use crate::scene::{MaterialId, Scene};
 
@@ -39,10 +39,6 @@ impl PixelSamples {
             is_adaptive: settings.adaptive && n_side > 1 && has_rays,
             seed: settings.seed ^ SEED,
         }
-    }
-
-    pub(super) fn of_view(settings: &RenderSettings, view: &dyn View) -> Self {
-        Self::new(settings, &view.description())
     }
 
     pub(super) fn is_adaptive(self) -> bool {

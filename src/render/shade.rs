@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::input::RenderInput;
 use super::view::Sight;
 use crate::matrix::operator::Block;
-use crate::mesh::PatchPoint;
+use crate::mesh::{PatchId, PatchPoint};
 use crate::scene::{FaceId, Material};
 use crate::visibility::{HitBatch, RayBatch, Visibility};
 
@@ -140,13 +140,9 @@ impl<'a> Shader<'a> {
         let material = self.material(point.face);
         let indirect = self.irradiance(&point.patch);
         let irradiance = [0, 1, 2].map(|c| indirect[c] + direct[c]);
-        let radiosity = match self.radiosity {
-            Some(block) => channels(block.row(point.patch.patch.0 as usize)),
-            None => [0, 1, 2].map(|c| material.exitance[c] + material.reflectance[c] * irradiance[c]),
-        };
         Shade {
             irradiance,
-            radiosity,
+            radiosity: self.sent(material, point.patch.patch, || irradiance),
             albedo: material.reflectance,
         }
     }
@@ -159,11 +155,15 @@ impl<'a> Shader<'a> {
 
     /// Returns the radiosity of a point of a face's front.
     pub(super) fn radiosity(&self, face: FaceId, at: &PatchPoint) -> [f64; 3] {
+        self.sent(self.material(face), at.patch, || self.irradiance(at))
+    }
+
+    fn sent(&self, material: &Material, patch: PatchId, irradiance: impl FnOnce() -> [f64; 3]) -> [f64; 3] {
         if let Some(block) = self.radiosity {
-            return channels(block.row(at.patch.0 as usize));
+            return channels(block.row(patch.0 as usize));
         }
-        let (material, irradiance) = (self.material(face), self.irradiance(at));
-        std::array::from_fn(|c| material.exitance[c] + material.reflectance[c] * irradiance[c])
+        let irradiance = irradiance();
+        [0, 1, 2].map(|c| material.exitance[c] + material.reflectance[c] * irradiance[c])
     }
 
     fn irradiance(&self, at: &PatchPoint) -> [f64; 3] {

@@ -118,7 +118,7 @@ impl Unfolded {
         let (surfaces, left_out) = flat_surfaces(scene);
         let longest = surfaces
             .iter()
-            .flat_map(|surface| surface.natural().size)
+            .flat_map(|surface| surface.natural.size)
             .fold(0.0, f64::max);
         let density = f64::from(n_pixels.get()) / longest;
         let mut sheet = Sheet {
@@ -222,7 +222,7 @@ impl Sheet<'_> {
         let rest: Vec<(usize, &Oriented, [u32; 2])> = (0..surfaces.len())
             .filter(|&k| !placed[k])
             .map(|k| {
-                let oriented = surfaces[k].natural();
+                let oriented = &surfaces[k].natural;
                 let size = oriented.size.map(|length| self.n_pixels(length));
                 (k, oriented, size)
             })
@@ -249,7 +249,7 @@ impl Sheet<'_> {
 fn find_box(surfaces: &[FlatSurface]) -> Option<[Option<(usize, Oriented)>; N_PLACES]> {
     let mut order: Vec<usize> = (0..surfaces.len()).filter(|&k| surfaces[k].is_rectangle).collect();
     // The sort is stable: among equal areas (to the tolerance of a box) the first of the file wins.
-    let area = |k: &usize| surfaces[*k].natural().size.iter().product::<f64>();
+    let area = |k: &usize| surfaces[*k].natural.size.iter().product::<f64>();
     let largest = order.iter().map(area).fold(0.0, f64::max);
     let rank = |k: &usize| (area(k) / (BOX_TOLERANCE * largest)).round();
     order.sort_by(|a, b| rank(b).total_cmp(&rank(a)));
@@ -267,7 +267,7 @@ fn box_around(
     base: usize,
     side: f64,
 ) -> Option<[Option<(usize, Oriented)>; N_PLACES]> {
-    let natural = surfaces[base].natural();
+    let natural = &surfaces[base].natural;
     let (r, u) = (natural.right, natural.up);
     let inward = r.cross(u) * side;
     let [width, height] = natural.size;

@@ -33,7 +33,6 @@ pub struct SeriesQuantity {
     /// The numbers of one patch at one time: `None` for a single number, else c.
     pub channels: Option<usize>,
     /// The values, time by time, patch by patch.
-    #[serde(skip)]
     pub values: Vec<f64>,
 }
 
@@ -128,18 +127,6 @@ impl SeriesQuantity {
     fn shape(&self, first: Option<usize>, n_patches: usize) -> Vec<u64> {
         let all = first.into_iter().chain([n_patches]).chain(self.channels);
         all.map(|n| n as u64).collect()
-    }
-}
-
-impl SeriesBlock {
-    /// Returns the quantities that vary, then the others.
-    pub(crate) fn all(&self) -> impl Iterator<Item = &SeriesQuantity> {
-        self.quantities.iter().chain(&self.constants)
-    }
-
-    /// Returns the same quantities for writing.
-    pub(crate) fn all_mut(&mut self) -> impl Iterator<Item = &mut SeriesQuantity> {
-        self.quantities.iter_mut().chain(&mut self.constants)
     }
 }
 

@@ -136,10 +136,6 @@ impl State<'_> {
 }
 
 impl Iteration for State<'_> {
-    fn needs_residual(&self) -> bool {
-        true
-    }
-
     fn pass(&mut self, excess: &[f64]) -> Estimate {
         let mut step = self.step();
         keep_channels(&mut step, |c| excess[c] > 1.0 || excess[c].is_nan());

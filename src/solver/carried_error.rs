@@ -45,7 +45,7 @@ const FIRST_ORDER_UP_TO: f64 = 0.5;
 /// patches that exchange light. Where e is below 1e-3 of the reflected light of a solution that has converged, that share is used for q. From q = 0.5 on e is infinite:
 /// form factors are then not exact enough for reflectances so near 1. It is also infinite where the system for e has not been solved.
 /// The error of the mesh (one radiosity for a whole patch) is not included.
-/// Shapes: \[n, c\]. Work: one pass over the form factors and one solve, or two of each.
+/// Shapes: \[n, c\], that of an error of the exitance, W·m⁻², included. Work: one pass over the form factors and one solve, or two of each.
 /// Departures: none.
 ///
 /// # Errors
@@ -55,17 +55,6 @@ const FIRST_ORDER_UP_TO: f64 = 0.5;
 /// If the shapes differ.
 #[track_caller]
 pub fn carried_error(
-    factors: &FormFactors,
-    reflectance: &Block,
-    exitance: &Block,
-    solution: &Solution,
-) -> Result<Block, SolverError> {
-    carried_error_with(factors, (reflectance, exitance), None, solution)
-}
-
-/// Does the work of [`carried_error`] for an exitance that has an error of its own, W·m⁻², \[n, c\].
-#[track_caller]
-pub(crate) fn carried_error_with(
     factors: &FormFactors,
     (reflectance, exitance): (&Block, &Block),
     exitance_error: Option<&Block>,

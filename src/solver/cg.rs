@@ -148,10 +148,6 @@ impl State<'_> {
 }
 
 impl Iteration for State<'_> {
-    fn needs_residual(&self) -> bool {
-        true
-    }
-
     fn pass(&mut self, excess: &[f64]) -> Estimate {
         if self.step(excess) {
             Estimate::Running(self.scaled.norms(&self.undone()))

@@ -196,10 +196,6 @@ struct State<'a> {
 }
 
 impl Iteration for State<'_> {
-    fn needs_residual(&self) -> bool {
-        true
-    }
-
     fn pass(&mut self, _excess: &[f64]) -> Estimate {
         // (factor of r, factor of the step before) of each channel.
         let factors: Vec<(f64, f64)> = if let Some(omega) = &mut self.omega {

@@ -2,7 +2,7 @@
 
 use super::error::SolverError;
 use super::system::RadiositySystem;
-use crate::matrix::operator::{LinearOperator, RowAccess};
+use crate::matrix::operator::RowAccess;
 
 /// Access to F column by column: F_ji, j = 1 ... n, the fraction of each patch's view that patch i fills.
 pub(super) enum Columns<'a> {
@@ -20,11 +20,8 @@ pub(super) enum Columns<'a> {
 impl<'a> Columns<'a> {
     /// Returns the columns of a system's form factors for the solver of this name.
     pub(super) fn new(system: &RadiositySystem<'a>, solver: &'static str) -> Result<Self, SolverError> {
-        let operator: &'a dyn LinearOperator = system.operator();
-        let Some(rows) = operator.rows() else {
-            return Err(SolverError::NeedsRows { solver });
-        };
-        if let Some(areas) = operator.reciprocal_areas() {
+        let rows = system.rows_for(solver)?;
+        if let Some(areas) = system.operator().reciprocal_areas() {
             return Ok(Self::Reciprocal { rows, areas });
         }
         let n = system.n_patches();

@@ -63,9 +63,7 @@ impl Solver for Direct {
     }
 
     fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
-        let Some(rows) = system.operator().rows() else {
-            return Err(SolverError::NeedsRows { solver: self.name() });
-        };
+        let rows = system.rows_for(self.name())?;
         let groups = equal_channels(system.reflectance());
         let needed_byte = memory_byte(system.n_patches(), groups.len());
         if needed_byte > self.memory_limit_byte {
@@ -129,10 +127,6 @@ fn factored(scaled: &Scaled, rows: &dyn RowAccess, channel: usize) -> Lu {
 }
 
 impl Iteration for State<'_> {
-    fn needs_residual(&self) -> bool {
-        true
-    }
-
     fn pass(&mut self, excess: &[f64]) -> Estimate {
         let n = self.scaled.areas.len();
         self.work = 2.0;

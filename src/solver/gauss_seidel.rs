@@ -1,10 +1,9 @@
 //! `gauss-seidel`: every patch in turn gathers light from the newest radiosities.
 
 use super::entry::{SolverEntry, Symmetry};
-use super::error::SolverError;
 use super::history::Monitor;
 use super::iteration::{self, Estimate, Iteration};
-use super::scaled::{Scaled, TrueResidual};
+use super::scaled::Scaled;
 use super::solve::{SolveOptions, SolveResult, Solver};
 use super::system::RadiositySystem;
 use crate::matrix::operator::{Block, RowAccess};
@@ -41,29 +40,40 @@ impl Solver for GaussSeidel {
     }
 
     fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
-        let Some(rows) = system.operator().rows() else {
-            return Err(SolverError::NeedsRows { solver: self.name() });
-        };
+        let rows = system.rows_for(self.name())?;
         let scaled = Scaled::new(system);
-        let mut sweeps = Sweeps {
-            scaled: &scaled,
-            rows,
-            radiosity: options.start.radiosity(&scaled),
-            before: scaled.zeros(),
-        };
-        iteration::run(&scaled, options, monitor, &mut sweeps)
+        run_sweeps(&scaled, rows, options, monitor, |_, _, _, gathered| gathered)
     }
 }
 
-struct Sweeps<'a> {
+/// Solves by sweeps in which patch i gets `relax(i, c, old, gathered)` in channel c in place of the gathered radiosity.
+pub(super) fn run_sweeps(
+    scaled: &Scaled,
+    rows: &dyn RowAccess,
+    options: &SolveOptions,
+    monitor: Monitor<'_>,
+    relax: impl Fn(usize, usize, f64, f64) -> f64,
+) -> SolveResult {
+    let mut sweeps = Sweeps {
+        scaled,
+        rows,
+        relax,
+        radiosity: options.start.radiosity(scaled),
+        before: scaled.zeros(),
+    };
+    iteration::run(scaled, options, monitor, &mut sweeps)
+}
+
+struct Sweeps<'a, R> {
     scaled: &'a Scaled<'a>,
     rows: &'a dyn RowAccess,
+    relax: R,
     radiosity: Block,
     /// The residual that each patch had just before its update.
     before: Block,
 }
 
-impl Iteration for Sweeps<'_> {
+impl<R: Fn(usize, usize, f64, f64) -> f64> Iteration for Sweeps<'_, R> {
     fn needs_residual(&self) -> bool {
         false
     }
@@ -73,15 +83,19 @@ impl Iteration for Sweeps<'_> {
     }
 
     fn pass(&mut self, _excess: &[f64]) -> Estimate {
-        sweep(self.scaled, self.rows, &mut self.radiosity, &mut self.before);
+        relaxed_sweep(
+            self.scaled,
+            self.rows,
+            &mut self.radiosity,
+            &mut self.before,
+            &self.relax,
+        );
         Estimate::Running(self.scaled.norms(&self.before))
     }
 
     fn radiosity(&self) -> Block {
         self.radiosity.clone()
     }
-
-    fn restart(&mut self, _truth: &TrueResidual, _excess: &[f64]) {}
 }
 
 /// Updates all patches in order; `before` receives the residual that each had just before its update.
@@ -89,8 +103,8 @@ pub(super) fn sweep(scaled: &Scaled, rows: &dyn RowAccess, radiosity: &mut Block
     relaxed_sweep(scaled, rows, radiosity, before, |_, _, _, gathered| gathered);
 }
 
-/// As [`sweep`], but patch i gets `relax(i, c, old, gathered)` in channel c in place of the gathered radiosity.
-pub(super) fn relaxed_sweep(
+/// As [`sweep`], with `relax` as in [`run_sweeps`].
+fn relaxed_sweep(
     scaled: &Scaled,
     rows: &dyn RowAccess,
     radiosity: &mut Block,

@@ -2,11 +2,10 @@
 
 use super::deflation::leave_undetermined;
 use super::entry::{SolverEntry, Symmetry};
-use super::error::SolverError;
 use super::gauss_seidel::sweep;
 use super::history::Monitor;
 use super::iteration::{self, Estimate, Iteration};
-use super::scaled::{Scaled, TrueResidual};
+use super::scaled::Scaled;
 use super::solve::{SolveOptions, SolveResult, Solver};
 use super::system::RadiositySystem;
 use crate::matrix::operator::{Block, RowAccess};
@@ -48,9 +47,7 @@ impl Solver for GaussSeidelAmbient {
     }
 
     fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
-        let Some(rows) = system.operator().rows() else {
-            return Err(SolverError::NeedsRows { solver: self.name() });
-        };
+        let rows = system.rows_for(self.name())?;
         let scaled = Scaled::new(system);
         let mut state = State {
             scaled: &scaled,
@@ -175,8 +172,6 @@ impl Iteration for State<'_> {
     fn radiosity(&self) -> Block {
         self.radiosity.clone()
     }
-
-    fn restart(&mut self, _truth: &TrueResidual, _excess: &[f64]) {}
 
     fn work(&self) -> f64 {
         self.work

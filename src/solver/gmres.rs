@@ -15,7 +15,7 @@ use super::deflation::{Deflate, EvenLight, first_pass};
 use super::entry::{SolverEntry, Symmetry};
 use super::history::Monitor;
 use super::iteration::{self, Estimate, Iteration};
-use super::scaled::{Scaled, TrueResidual};
+use super::scaled::{Scaled, TrueResidual, l2};
 use super::settings::SolverSettings;
 use super::solve::{SolveOptions, SolveResult, Solver};
 use super::system::RadiositySystem;
@@ -213,7 +213,7 @@ impl State<'_> {
         self.even_shares.clear();
         let norms = self.norm(&self.residual);
         self.least = norms.iter().map(|&norm| LeastSquares::starting_from(norm)).collect();
-        let mut first = scaled_zeros(&self.residual);
+        let mut first = self.scaled.zeros();
         let factors: Vec<f64> = norms.iter().map(|n| if *n > 0.0 { n.recip() } else { 0.0 }).collect();
         add_scaled(&mut first, &factors, &self.residual);
         self.basis.clear();
@@ -221,8 +221,7 @@ impl State<'_> {
     }
 
     fn norm(&self, block: &Block) -> Vec<f64> {
-        let squared = inner(&self.scaled.areas, block, block);
-        squared.into_iter().map(f64::sqrt).collect()
+        l2(&self.scaled.areas, block)
     }
 
     /// Orthogonalises `image` once against even light and the basis vectors in the channels that `need` it, and adds the coefficients to `shares`.
@@ -258,15 +257,7 @@ impl State<'_> {
     }
 }
 
-fn scaled_zeros(like: &Block) -> Block {
-    Block::zeros(like.n_rows(), like.n_channels())
-}
-
 impl Iteration for State<'_> {
-    fn needs_residual(&self) -> bool {
-        true
-    }
-
     fn never_rises(&self) -> bool {
         true
     }
@@ -316,7 +307,7 @@ impl Iteration for State<'_> {
             turns[c] = (cosine, sine);
             factors[c] = if ends { 0.0 } else { below.recip() };
         }
-        let mut next = scaled_zeros(&self.image);
+        let mut next = self.scaled.zeros();
         add_scaled(&mut next, &factors, &self.image);
         // r_k = φ_{k+1} (−s w_{k−1} + c v_{k+1}) with φ_{k+1} = −s φ_k: r_k = s² r_{k−1} + φ_{k+1} c v_{k+1}.
         let of_channel = |(c, &(cosine, sine)): (usize, &(f64, f64))| {

@@ -53,7 +53,9 @@ pub(super) enum Estimate {
 /// A method that improves radiosities pass by pass. Blocks are in solver units (see [`Scaled`]).
 pub(super) trait Iteration {
     /// Returns whether [`restart`](Self::restart) has to be called before the first pass.
-    fn needs_residual(&self) -> bool;
+    fn needs_residual(&self) -> bool {
+        true
+    }
 
     /// Returns whether no channel's residual, by `Tolerance::ResidualL2`, ever rises from pass to pass: the last radiosities are then the best.
     fn never_rises(&self) -> bool {
@@ -82,7 +84,7 @@ pub(super) trait Iteration {
     /// Restarts from the true residual of the current radiosities.
     ///
     /// Channels whose `excess` is 1 or below rest: they stay unchanged.
-    fn restart(&mut self, truth: &TrueResidual, excess: &[f64]);
+    fn restart(&mut self, _truth: &TrueResidual, _excess: &[f64]) {}
 
     /// Returns the work before the first pass.
     fn setup(&self) -> Setup {

@@ -54,10 +54,6 @@ struct State<'a> {
 }
 
 impl Iteration for State<'_> {
-    fn needs_residual(&self) -> bool {
-        true
-    }
-
     fn pass(&mut self, _excess: &[f64]) -> Estimate {
         for (b, r) in self.radiosity.values_mut().iter_mut().zip(self.residual.values()) {
             *b += r;

@@ -1,6 +1,6 @@
 //! An interval of the eigenvalues of diag(ρ) F, from a few passes.
 
-use super::scaled::Scaled;
+use super::scaled::{Scaled, l2};
 use super::vectors::{inner, scale};
 use crate::matrix::operator::Block;
 
@@ -26,7 +26,7 @@ pub(super) fn ranges(scaled: &Scaled, areas: &[f64], n_steps: usize) -> Vec<(f64
         let share = 0.5 + (i as f64 * 0.618_033_988_749_894_9).fract();
         next.row_mut(i).iter_mut().for_each(|value| *value *= share);
     }
-    let mut norms = norms_of(&weights, &next);
+    let mut norms = l2(&weights, &next);
     let mut tridiagonal = vec![Tridiagonal::default(); n_channels];
     let mut image = scaled.zeros();
     for _ in 0..n_steps {
@@ -49,7 +49,7 @@ pub(super) fn ranges(scaled: &Scaled, areas: &[f64], n_steps: usize) -> Vec<(f64
                 *value -= share * v;
             }
         }
-        let lengths = norms_of(&weights, &next);
+        let lengths = l2(&weights, &next);
         for (c, t) in tridiagonal.iter_mut().enumerate().filter(|(_, t)| !t.is_complete) {
             t.diagonal.push(alpha[c]);
             t.beside.push(lengths[c]);
@@ -61,10 +61,6 @@ pub(super) fn ranges(scaled: &Scaled, areas: &[f64], n_steps: usize) -> Vec<(f64
             .collect();
     }
     tridiagonal.iter().map(Tridiagonal::range).collect()
-}
-
-fn norms_of(weights: &[f64], x: &Block) -> Vec<f64> {
-    inner(weights, x, x).into_iter().map(f64::sqrt).collect()
 }
 
 /// The tridiagonal matrix in the Krylov space: `beside[k]` is its entry (k, k + 1); the last one leads out of the space.

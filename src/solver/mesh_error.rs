@@ -74,10 +74,10 @@ pub fn coarsened(
     };
     let radiosity = &solution.radiosity;
     let means = averaged(level, radiosity);
-    let spread = combined(radiosity, &means, |b, mean| b - mean);
+    let spread = radiosity.zip_with(&means, |b, mean| b - mean);
     let mut lost = Block::zeros(radiosity.n_rows(), radiosity.n_channels());
     operator.apply(&spread, &mut lost);
-    let source = averaged(level, &combined(reflectance, &lost, |rho, h| -rho * h));
+    let source = averaged(level, &reflectance.zip_with(&lost, |rho, h| -rho * h));
     let system = RadiositySystem::with_signed_exitance(operator, areas.to_vec(), reflectance.clone(), source)?;
     let options = SolveOptions {
         tolerance: Tolerance::ResidualL2(TOLERANCE),
@@ -95,19 +95,6 @@ pub fn coarsened(
 
 /// Returns P R x.
 fn averaged(level: &Coarsening, x: &Block) -> Block {
-    let n_channels = x.n_channels();
-    let mut means = Block::zeros(x.n_rows(), n_channels);
-    for c in 0..n_channels {
-        let channel: Vec<f64> = (0..x.n_rows()).map(|i| x.row(i)[c]).collect();
-        let of_parents = level.prolonged(Prolongation::Injection, &level.restricted(&channel));
-        for (i, mean) in of_parents.into_iter().enumerate() {
-            means.row_mut(i)[c] = mean;
-        }
-    }
-    means
-}
-
-fn combined(a: &Block, b: &Block, with: impl Fn(f64, f64) -> f64) -> Block {
-    let values = a.values().iter().zip(b.values());
-    Block::from_values(values.map(|(&x, &y)| with(x, y)).collect(), a.n_channels())
+    let of_channel = |c: usize| level.prolonged(Prolongation::Injection, &level.restricted(&x.channel(c)));
+    Block::from_channels(&(0..x.n_channels()).map(of_channel).collect::<Vec<_>>())
 }

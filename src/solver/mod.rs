@@ -50,7 +50,7 @@ pub use crate::matrix::operator;
 pub use anderson::{Anderson, DEPTH};
 pub use auto::Auto;
 pub use carried_error::carried_error;
-pub(crate) use carried_error::{carried, carried_error_with, irradiance_error};
+pub(crate) use carried_error::{carried, irradiance_error};
 pub use cg::ConjugateGradients;
 pub use chebyshev::{BOUNDS, Chebyshev, SpectrumBounds};
 pub use choice::{Choice, ChoiceReason};

@@ -193,10 +193,6 @@ impl<'a> State<'a> {
 }
 
 impl Iteration for State<'_> {
-    fn needs_residual(&self) -> bool {
-        true
-    }
-
     fn first_residual(&mut self, scaled: &Scaled) -> TrueResidual {
         let (truth, sent) = first_pass(scaled, &self.radiosity(), self.deflate);
         self.deflation = sent.map(|sent| Deflation::new(scaled.system, &self.weights, &self.root, sent));

@@ -152,23 +152,13 @@ impl Solution {
     #[must_use]
     #[track_caller]
     pub fn reflected(&self, exitance: &Block) -> Block {
-        let shape = |block: &Block| (block.n_rows(), block.n_channels());
-        assert_eq!(shape(&self.radiosity), shape(exitance), "radiosities and exitances");
-        let values = self.radiosity.values().iter().zip(exitance.values());
-        Block::from_values(values.map(|(b, e)| b - e).collect(), exitance.n_channels())
+        self.radiosity.zip_with(exitance, |b, e| b - e)
     }
 
     /// Returns ρ H, the irradiance that surfaces reflect, W·m⁻², \[n, c\]: B − E up to the residual. `reflectance`: ρ.
     #[track_caller]
     pub(super) fn sent_on(&self, reflectance: &Block) -> Block {
-        let shape = |block: &Block| (block.n_rows(), block.n_channels());
-        assert_eq!(
-            shape(&self.irradiance),
-            shape(reflectance),
-            "irradiances and reflectances"
-        );
-        let values = self.irradiance.values().iter().zip(reflectance.values());
-        Block::from_values(values.map(|(h, rho)| rho * h).collect(), reflectance.n_channels())
+        self.irradiance.zip_with(reflectance, |h, rho| rho * h)
     }
 
     /// Returns the greatest bound, over the channels, of the error relative to the reflected light, ‖B − B*‖ / ‖ρ H‖ with ‖x‖² = Σ A x².

@@ -3,13 +3,12 @@
 use super::ambient::Ambient;
 use super::entry::{SolverEntry, Symmetry};
 use super::error::SolverError;
-use super::gauss_seidel::relaxed_sweep;
+use super::gauss_seidel::run_sweeps;
 use super::history::Monitor;
-use super::iteration::{self, Estimate, Iteration};
-use super::scaled::{Scaled, TrueResidual};
+use super::scaled::Scaled;
 use super::solve::{SolveOptions, SolveResult, Solver};
 use super::system::RadiositySystem;
-use crate::matrix::operator::{Block, RowAccess};
+use crate::matrix::operator::Block;
 use crate::setting::{Kind, Setting, Value};
 
 /// Successive overrelaxation, all channels together.
@@ -72,11 +71,10 @@ impl Solver for Sor {
         if let Some(value) = self.omega.filter(|omega| !(*omega > 0.0 && *omega < 2.0)) {
             return Err(SolverError::Omega { value });
         }
-        let Some(rows) = system.operator().rows() else {
-            return Err(SolverError::NeedsRows { solver: self.name() });
-        };
+        let rows = system.rows_for(self.name())?;
         let scaled = Scaled::new(system);
         let rooms = Ambient::new(&scaled);
+        // ω, [components, c].
         let mut omega = rooms.mean_reflectance();
         for room in 0..omega.n_rows() {
             for (c, value) in omega.row_mut(room).iter_mut().enumerate() {
@@ -92,15 +90,8 @@ impl Solver for Sor {
             patience: options.patience.max(least_patience(&omega)),
             ..*options
         };
-        let mut sweeps = Sweeps {
-            scaled: &scaled,
-            rows,
-            rooms: &rooms,
-            omega,
-            radiosity: options.start.radiosity(&scaled),
-            before: scaled.zeros(),
-        };
-        iteration::run(&scaled, &options, monitor, &mut sweeps)
+        let relax = |i: usize, c: usize, old: f64, gathered: f64| old + omega.row(rooms.room(i))[c] * (gathered - old);
+        run_sweeps(&scaled, rows, &options, monitor, relax)
     }
 }
 
@@ -127,41 +118,6 @@ fn best_omega(rho: f64) -> f64 {
         }
     }
     low
-}
-
-struct Sweeps<'a> {
-    scaled: &'a Scaled<'a>,
-    rows: &'a dyn RowAccess,
-    rooms: &'a Ambient<'a>,
-    /// ω, \[components, c\].
-    omega: Block,
-    radiosity: Block,
-    /// The residual that each patch had just before its update.
-    before: Block,
-}
-
-impl Iteration for Sweeps<'_> {
-    fn needs_residual(&self) -> bool {
-        false
-    }
-
-    fn drifts(&self) -> bool {
-        false
-    }
-
-    fn pass(&mut self, _excess: &[f64]) -> Estimate {
-        let relax = |i: usize, c: usize, old: f64, gathered: f64| {
-            old + self.omega.row(self.rooms.room(i))[c] * (gathered - old)
-        };
-        relaxed_sweep(self.scaled, self.rows, &mut self.radiosity, &mut self.before, relax);
-        Estimate::Running(self.scaled.norms(&self.before))
-    }
-
-    fn radiosity(&self) -> Block {
-        self.radiosity.clone()
-    }
-
-    fn restart(&mut self, _truth: &TrueResidual, _excess: &[f64]) {}
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use super::error::SolverError;
 use crate::matrix::connected;
-use crate::matrix::operator::{Block, Components, LinearOperator};
+use crate::matrix::operator::{Block, Components, LinearOperator, RowAccess};
 
 /// The radiosity system (I − diag(ρ) F) B = E of n patches in c channels.
 ///
@@ -155,6 +155,11 @@ impl<'a> RadiositySystem<'a> {
     #[must_use]
     pub fn operator(&self) -> &'a dyn LinearOperator {
         self.operator
+    }
+
+    /// Returns access by rows, which `solver` needs.
+    pub(super) fn rows_for(&self, solver: &'static str) -> Result<&'a dyn RowAccess, SolverError> {
+        self.operator.rows().ok_or(SolverError::NeedsRows { solver })
     }
 
     /// Returns A, m², \[n\].

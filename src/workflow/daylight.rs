@@ -167,10 +167,9 @@ impl Model {
         let (reflectance, exitance) = self.materials();
         let direct = self.direct_daylight(study, daylight, self.plan.n_channels, cx);
         let (lit, error) = direct.lit(&reflectance, &exitance);
-        let system = (&study.factors as &dyn LinearOperator, study.factors.areas().to_vec());
-        let materials = (reflectance.clone(), lit.clone());
-        let solution = self.solve_system(system, request, materials, study.known(), cx)?;
-        let mut found = self.judged_with(study, (&reflectance, &lit), Some(&error), solution, cx)?;
+        let materials = (&reflectance, &lit);
+        let solution = self.solve_system(&study.factors, request, materials, study.known(), cx)?;
+        let mut found = self.judged(study, materials, Some(&error), solution, cx)?;
         found.shine(direct);
         Ok(found)
     }

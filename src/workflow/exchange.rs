@@ -3,7 +3,6 @@
 use super::solve::Known;
 use super::{Context, FormFactorStudy, Model, SolveRequest, WorkflowError, expect_room};
 use crate::heat::{Boundary, ExchangeFactors, Gathered, Network, Nodes};
-use crate::matrix::operator::LinearOperator;
 
 /// The residual that the solver aims at, if it can be reached.
 const AIM: f64 = 1e-12;
@@ -57,10 +56,9 @@ impl Model {
                 aim: Some(AIM),
                 ..study.known()
             };
-            let operator = (&study.factors as &dyn LinearOperator, study.factors.areas().to_vec());
-            let materials = (reflectance.clone(), exitance.clone());
-            let solution = self.solve_system(operator, request, materials, known, cx)?;
-            let carried = study.carried_error((&reflectance, &exitance), &solution, cx)?;
+            let materials = (&reflectance, &exitance);
+            let solution = self.solve_system(&study.factors, request, materials, known, cx)?;
+            let carried = study.carried_error(materials, None, &solution, cx)?;
             gathered.take(&columns, &solution, carried.as_ref());
             cx.go_on()?;
         }

@@ -268,9 +268,7 @@ impl Model {
             aim: Some(AIM),
             ..study.known()
         };
-        let areas = study.factors.areas().to_vec();
-        let materials = (reflectance.clone(), exitance.clone());
-        let solution = self.solve_system((operator, areas), request, materials, known, cx)?;
+        let solution = self.solve_system(operator, request, (&reflectance, &exitance), known, cx)?;
         let residual = solution.residual(&reflectance, &exitance);
         let solved = Solved {
             enclosure,
@@ -282,7 +280,7 @@ impl Model {
             converged: solution.stop_reason == StopReason::Converged,
         };
         let bands = cx.time("error", || solved.bands(&solution.radiosity, reflect))?;
-        let coarse = self.coarsened_by(operator, study, &reflectance, &solution, cx)?;
+        let coarse = self.coarsened(study, operator, &reflectance, &solution, cx)?;
         let mut all = Vec::new();
         for (c, mut band) in bands.into_iter().enumerate() {
             if !study.errors_known {
@@ -311,8 +309,7 @@ impl Model {
 
 /// Returns the change of the irradiance of each patch by a coarser mesh, W·m⁻²: F (d − (B − B̄)), with B̄ + d the radiosity of the coarser patch.
 fn mesh_change(enclosure: &Enclosure<'_>, coarse: &Coarsened) -> Vec<f64> {
-    let change = coarse.change.values().iter().zip(coarse.spread.values());
-    let change = Block::from_values(change.map(|(d, spread)| d - spread).collect(), 1);
+    let change = coarse.change.zip_with(&coarse.spread, |d, spread| d - spread);
     enclosure.received(&change).values().to_vec()
 }
 

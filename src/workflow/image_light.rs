@@ -57,9 +57,7 @@ impl Model {
         if with_direct {
             self.warn_of_narrow_gaps(cx);
         }
-        let light = if daylight.shines() {
-            self.daylight_for_image((method, solver), (with_direct, daylight), cx)?
-        } else if with_direct && !self.scene.is_reflecting() {
+        let light = if with_direct && !daylight.shines() && !self.scene.is_reflecting() {
             let (study, dark) = self.without_reflection(cx);
             ImageLight {
                 solver: NO_SOLVER.to_owned(),
@@ -68,7 +66,7 @@ impl Model {
                 indirect_irradiance: Some(dark),
                 outdoors: Outdoors::default(),
             }
-        } else if on_the_fly {
+        } else if on_the_fly && !daylight.shines() {
             let (study, indirect_irradiance) = self.solve_on_the_fly(method, solver, with_direct, cx)?;
             let reason = "the error layer: it is carried from stored form factors";
             self.plan.left_out.push(reason.into());
@@ -80,7 +78,7 @@ impl Model {
                 outdoors: Outdoors::default(),
             }
         } else {
-            self.stored_light_for_image((method, solver), with_direct, cx)?
+            self.stored_light((method, solver), (with_direct, daylight), cx)?
         };
         if !with_direct {
             let reason = "direct light at each pixel: the patches' light is interpolated";
@@ -89,39 +87,21 @@ impl Model {
         Ok(light)
     }
 
-    fn stored_light_for_image(
-        &mut self,
-        (method, solver): (&FormFactorRequest, &SolveRequest),
-        with_direct: bool,
-        cx: &mut Context,
-    ) -> Result<ImageLight, WorkflowError> {
-        let need = solver.need(cx)?;
-        let factors = self.form_factors_for_light(method, need, cx)?;
-        let study = self.solve(&factors, solver, cx)?;
-        self.stored_light((factors, study), solver, with_direct, cx)
-    }
-
-    fn daylight_for_image(
+    fn stored_light(
         &mut self,
         (method, solver): (&FormFactorRequest, &SolveRequest),
         (with_direct, daylight): (bool, &Daylight),
         cx: &mut Context,
     ) -> Result<ImageLight, WorkflowError> {
         let need = solver.need(cx)?;
-        let factors = self.form_factors(method, need, cx)?;
-        let study = self.solve_in_daylight(&factors, solver, daylight, cx)?;
-        let mut light = self.stored_light((factors, study), solver, with_direct, cx)?;
-        light.outdoors = daylight.outdoors();
-        Ok(light)
-    }
-
-    fn stored_light(
-        &self,
-        (factors, study): (FormFactorStudy, SolutionStudy),
-        solver: &SolveRequest,
-        with_direct: bool,
-        cx: &Context,
-    ) -> Result<ImageLight, WorkflowError> {
+        let (factors, study);
+        if daylight.shines() {
+            factors = self.form_factors(method, need, cx)?;
+            study = self.solve_in_daylight(&factors, solver, daylight, cx)?;
+        } else {
+            factors = self.form_factors_for_light(method, need, cx)?;
+            study = self.solve(&factors, solver, cx)?;
+        }
         let indirect_irradiance = with_direct.then(|| {
             cx.time("solve", || {
                 let (_, exitance) = self.materials();
@@ -136,7 +116,7 @@ impl Model {
             study,
             factors: Some(factors),
             indirect_irradiance,
-            outdoors: Outdoors::default(),
+            outdoors: daylight.outdoors(),
         })
     }
 }

@@ -9,7 +9,7 @@ use super::{
     SolutionStudy, SolveRequest, TotalError, WorkflowError,
 };
 use crate::heat::{SunOccluders, SunPath, SunStep, Sunlit};
-use crate::matrix::operator::{Block, LinearOperator};
+use crate::matrix::operator::Block;
 use crate::report::series::{SeriesBlock, SeriesQuantity};
 use crate::report::sky::sky_columns;
 use crate::solver::Energy;
@@ -97,11 +97,10 @@ impl PathWork for LightWork<'_> {
         let (lit, errors): (Vec<Block>, Vec<Block>) = lit.unzip();
         let rho = Block::side_by_side(&vec![reflectance.clone(); steps.len()]);
         let [all_lit, all_errors] = [&lit, &errors].map(|blocks| Block::side_by_side(blocks));
-        let system = (&study.factors as &dyn LinearOperator, study.factors.areas().to_vec());
-        let materials = (rho.clone(), all_lit.clone());
-        let solution = model.solve_system(system, self.request, materials, study.known(), cx)?;
-        let carried = study.carried_error_with((&rho, &all_lit), Some(&all_errors), &solution, cx)?;
-        let coarse = model.coarsened(study, &rho, &solution, cx)?;
+        let materials = (&rho, &all_lit);
+        let solution = model.solve_system(&study.factors, self.request, materials, study.known(), cx)?;
+        let carried = study.carried_error(materials, Some(&all_errors), &solution, cx)?;
+        let coarse = model.coarsened(study, &study.factors, &rho, &solution, cx)?;
         study.factors.if_readable(())?;
         let (mut found, mut values) = (Vec::new(), Values::default());
         let mut worst = TotalError::Relative(0.0);

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::{
     Context, DirectDaylight, FormFactorStudy, Model, SolutionStudy, SolveRequest, TotalError, WorkflowError, is_grey,
 };
-use crate::matrix::operator::{Block, LinearOperator};
+use crate::matrix::operator::Block;
 use crate::mesh::Patch;
 use crate::report::{ReportError, exitance};
 use crate::scene::Lighting;
@@ -172,27 +172,17 @@ impl Model {
     ) -> Result<(Solution, TotalError), WorkflowError> {
         let stack = Stack::new(self, lightings, false);
         stack.announce(self, files, cx);
-        let blocks = (stack.reflectance.clone(), stack.exitance.clone());
-        let areas = factors.factors.areas().to_vec();
-        let system = (&factors.factors as &dyn LinearOperator, areas);
-        let solution = self.solve_system(system, request, blocks, factors.known(), cx)?;
-        let coarse = self.coarsened(factors, &stack.reflectance, &solution, cx)?;
+        let materials = (&stack.reflectance, &stack.exitance);
+        let solution = self.solve_system(&factors.factors, request, materials, factors.known(), cx)?;
+        let coarse = self.coarsened(factors, &factors.factors, &stack.reflectance, &solution, cx)?;
         let mut worst = TotalError::Relative(0.0);
         for number in 0..lightings.len() {
             let (reflectance, exitance) = stack.materials(number);
             let own = stack.solution(number, &solution);
-            let carried = factors.carried_error((&reflectance, &exitance), &own, cx)?;
+            let carried = factors.carried_error((&reflectance, &exitance), None, &own, cx)?;
             let coarse = coarse.as_ref().map(|coarse| stack.coarsened(number, coarse));
-            let mesh_error = self.mesh_error(coarse.as_ref(), (&exitance, &own), cx);
-            let error = TotalError::of(self, carried.as_ref(), &own, cx);
-            worst = worst.or_worse(error);
-            let study = SolutionStudy {
-                solution: own,
-                carried,
-                error,
-                mesh_error,
-                direct: DirectDaylight::default(),
-            };
+            let study = self.with_errors((&exitance, own), carried, coarse.as_ref(), cx);
+            worst = worst.or_worse(study.error);
             let lit = LightingStudy {
                 number,
                 reflectance,

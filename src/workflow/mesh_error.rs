@@ -36,21 +36,12 @@ impl Model {
     ///
     /// # Errors
     /// [`WorkflowError::Matrix`] where form factors on a disk cannot be read, and [`WorkflowError::Interrupted`].
+    ///
+    /// `operator`: the form factors, or what is made of them.
     pub fn coarsened(
         &self,
         study: &FormFactorStudy,
-        reflectance: &Block,
-        solution: &Solution,
-        cx: &Context,
-    ) -> Result<Option<Coarsened>, WorkflowError> {
-        self.coarsened_by(&study.factors, study, reflectance, solution, cx)
-    }
-
-    /// Estimates as [`coarsened`](Self::coarsened) does, with an `operator` made of the form factors in their place.
-    pub(super) fn coarsened_by(
-        &self,
         operator: &dyn LinearOperator,
-        study: &FormFactorStudy,
         reflectance: &Block,
         solution: &Solution,
         cx: &Context,

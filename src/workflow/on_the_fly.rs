@@ -60,7 +60,6 @@ impl Model {
         // There are no tallies, as every pass counts its own rays.
         let closed_rows = self.enclosed(&[], request.closure, cx)?.rows;
         let (reflectance, exitance) = self.materials();
-        let areas = self.mesh.areas();
         let Self {
             scene,
             file,
@@ -100,8 +99,7 @@ impl Model {
             mesh,
             plan,
         };
-        let materials = (reflectance, exitance.clone());
-        let solution = solve_system(parts, (&operator, areas), solve, materials, known, cx)?;
+        let solution = solve_system(parts, &operator, solve, (&reflectance, &exitance), known, cx)?;
         cx.warn(Warning::NoErrorOnTheFly);
         let shared = SharedPasses::new(&operator, &*cx.ranks);
         let indirect = indirect.then(|| cx.time("solve", || indirect_irradiance(&shared, &exitance, &solution)));

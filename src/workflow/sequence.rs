@@ -11,7 +11,6 @@ use super::{
 };
 use crate::form_factor::{Before, Change};
 use crate::matrix::FormFactors;
-use crate::matrix::operator::LinearOperator;
 use crate::render::{DirectMethod, GatherReport, Image, MAX_PICTURE_EXITANCE, RenderInput, RenderSettings};
 use crate::scene::{Lighting, Motion, Pose, SceneError, frames};
 use crate::solver::{Coarsened, Solution};
@@ -278,11 +277,9 @@ impl Sequence {
         }
         let files: Vec<Option<PathBuf>> = numbers.iter().map(|&k| self.lighting_files[k].clone()).collect();
         stack.announce(&mut model, &files, cx);
-        let areas = factors.factors.areas().to_vec();
-        let system = (&factors.factors as &dyn LinearOperator, areas);
-        let materials = (stack.reflectance.clone(), stack.exitance.clone());
-        let solution = model.solve_system(system, request.solver, materials, factors.known(), cx)?;
-        let coarse = model.coarsened(&factors, &stack.reflectance, &solution, cx)?;
+        let materials = (&stack.reflectance, &stack.exitance);
+        let solution = model.solve_system(&factors.factors, request.solver, materials, factors.known(), cx)?;
+        let coarse = model.coarsened(&factors, &factors.factors, &stack.reflectance, &solution, cx)?;
         let solved = Solved {
             model: &model,
             factors: &factors,
@@ -378,7 +375,7 @@ impl<'a> Solved<'a> {
         let emitted = daylight.map_or(&exitance, |day| &day.emitted);
         let indirect = cx.time("solve", || direct.indirect_irradiance(&factors.factors, emitted, &own));
         let lit_error = daylight.map(|day| &day.error);
-        let carried = factors.carried_error_with((&reflectance, &exitance), lit_error, &own, cx)?;
+        let carried = factors.carried_error((&reflectance, &exitance), lit_error, &own, cx)?;
         let coarse = self.coarse.map(|coarse| self.stack.coarsened(place, coarse));
         let mesh_error = model.mesh_error(coarse.as_ref(), (&exitance, &own), cx);
         let error = TotalError::of(model, carried.as_ref(), &own, cx);

@@ -18,8 +18,8 @@ use crate::report::solution::SolutionReport;
 use crate::scene::{Scene, SurfaceId, too_bright_patch};
 use crate::solver::registry::{self, SolverEntry, Symmetry};
 use crate::solver::{
-    self, DISPLAY_AMBIENT, RadiositySystem, SharedPasses, Solution, SolveOptions, SolverError, SolverSettings, Start,
-    StopReason, Tolerance, relative_errors,
+    self, Coarsened, DISPLAY_AMBIENT, RadiositySystem, SharedPasses, Solution, SolveOptions, SolverError,
+    SolverSettings, Start, StopReason, Tolerance, relative_errors,
 };
 
 /// The least relative change of the radiosity by the rounding of form factors that is reported, far above the error that the tolerance of a solution allows.
@@ -197,8 +197,7 @@ impl Model {
         request: &SolveRequest,
         cx: &mut Context,
     ) -> Result<SolutionStudy, WorkflowError> {
-        let areas = study.factors.areas().to_vec();
-        let too_bright = too_bright_patch(&areas, reflectance.values(), exitance.values());
+        let too_bright = too_bright_patch(study.factors.areas(), reflectance.values(), exitance.values());
         if let Some((patch, channel, brightest, limit)) = too_bright {
             return Err(WorkflowError::Solver(SolverError::TooBright {
                 patch,
@@ -207,10 +206,9 @@ impl Model {
                 limit,
             }));
         }
-        let system = (&study.factors as &dyn LinearOperator, areas);
-        let materials = (reflectance.clone(), exitance.clone());
-        let solution = self.solve_system(system, request, materials, study.known(), cx)?;
-        self.judged(study, (reflectance, exitance), solution, cx)
+        let materials = (reflectance, exitance);
+        let solution = self.solve_system(&study.factors, request, materials, study.known(), cx)?;
+        self.judged(study, materials, None, solution, cx)
     }
 
     /// Returns the light E of a scene in which nothing reflects, with an indirect irradiance of 0.
@@ -233,22 +231,11 @@ impl Model {
         (study, dark)
     }
 
-    /// Estimates the error of a solution for `reflectance` and `exitance`, ρ and E.
+    /// Estimates the error of a solution for `reflectance` and `exitance`, ρ and E; the latter may have an error of its own, W·m⁻², \[n, c\].
     ///
     /// # Errors
     /// [`WorkflowError::Matrix`] where form factors on a disk cannot be read, and [`WorkflowError::Interrupted`].
-    pub fn judged(
-        &self,
-        study: &FormFactorStudy,
-        (reflectance, exitance): (&Block, &Block),
-        solution: Solution,
-        cx: &Context,
-    ) -> Result<SolutionStudy, WorkflowError> {
-        self.judged_with(study, (reflectance, exitance), None, solution, cx)
-    }
-
-    /// Estimates the error as [`judged`](Self::judged) does, for an exitance that has an error of its own, W·m⁻², \[n, c\].
-    pub(super) fn judged_with(
+    pub(super) fn judged(
         &self,
         study: &FormFactorStudy,
         (reflectance, exitance): (&Block, &Block),
@@ -256,17 +243,28 @@ impl Model {
         solution: Solution,
         cx: &Context,
     ) -> Result<SolutionStudy, WorkflowError> {
-        let carried = study.carried_error_with((reflectance, exitance), exitance_error, &solution, cx)?;
-        let coarse = self.coarsened(study, reflectance, &solution, cx)?;
-        let mesh_error = self.mesh_error(coarse.as_ref(), (exitance, &solution), cx);
+        let carried = study.carried_error((reflectance, exitance), exitance_error, &solution, cx)?;
+        let coarse = self.coarsened(study, &study.factors, reflectance, &solution, cx)?;
         study.factors.if_readable(())?;
-        Ok(SolutionStudy {
+        Ok(self.with_errors((exitance, solution), carried, coarse.as_ref(), cx))
+    }
+
+    /// Returns a solution for the exitance E with the error that its form factors cause, and that of the mesh by a coarser one.
+    pub(super) fn with_errors(
+        &self,
+        (exitance, solution): (&Block, Solution),
+        carried: Option<Block>,
+        coarse: Option<&Coarsened>,
+        cx: &Context,
+    ) -> SolutionStudy {
+        let mesh_error = self.mesh_error(coarse, (exitance, &solution), cx);
+        SolutionStudy {
             error: TotalError::of(self, carried.as_ref(), &solution, cx),
             solution,
             carried,
             mesh_error,
             direct: DirectDaylight::default(),
-        })
+        }
     }
 
     /// Writes a solution for `reflectance` and `exitance`, ρ and E, to a file, with the row sums of its form factors if these are stored.
@@ -298,25 +296,15 @@ impl Model {
         Ok(report.write(path)?)
     }
 
-    /// Adds surface, file and remedy to the error of a system without a finite solution; `surface` returns the surface of an unknown.
-    pub fn refused(
-        &self,
-        error: SolverError,
-        surface: impl Fn(usize) -> Option<SurfaceId>,
-        cx: &Context,
-    ) -> WorkflowError {
-        refused((&self.scene, &self.file), error, surface, cx)
-    }
-
-    /// Solves for given form factors and areas, reflectances and exitances of the patches, and audits the solution.
+    /// Solves for given form factors, reflectances and exitances of the patches, and audits the solution.
     ///
     /// # Errors
     /// [`WorkflowError::Solver`], [`WorkflowError::NoFiniteSolution`], [`WorkflowError::Matrix`] and [`WorkflowError::Interrupted`].
     pub fn solve_system(
         &mut self,
-        system: (&dyn LinearOperator, Vec<f64>),
+        factors: &dyn LinearOperator,
         request: &SolveRequest,
-        materials: (Block, Block),
+        materials: (&Block, &Block),
         known: Known<'_>,
         cx: &mut Context,
     ) -> Result<Solution, WorkflowError> {
@@ -326,7 +314,7 @@ impl Model {
             mesh: &self.mesh,
             plan: &mut self.plan,
         };
-        solve_system(parts, system, request, materials, known, cx)
+        solve_system(parts, factors, request, materials, known, cx)
     }
 }
 
@@ -340,9 +328,9 @@ pub(super) struct Parts<'a> {
 
 pub(super) fn solve_system(
     parts: Parts<'_>,
-    (factors, areas): (&dyn LinearOperator, Vec<f64>),
+    factors: &dyn LinearOperator,
     request: &SolveRequest,
-    (reflectance, exitance): (Block, Block),
+    (reflectance, exitance): (&Block, &Block),
     known: Known<'_>,
     cx: &mut Context,
 ) -> Result<Solution, WorkflowError> {
@@ -372,17 +360,16 @@ pub(super) fn solve_system(
         let surface = |patch: usize| mesh.patches.get(patch).map(|patch| patch.surface);
         refused((scene, file), error, surface, of)
     };
-    let materials = (reflectance.clone(), exitance.clone());
     let build = if known.signed {
         RadiositySystem::with_signed_exitance
     } else {
         RadiositySystem::new
     };
-    cx.expect_same_numbers("lighting, sun or boundary", &[&reflectance, &exitance])?;
+    cx.expect_same_numbers("lighting, sun or boundary", &[reflectance, exitance])?;
     let ranks = Arc::clone(&cx.ranks);
     let shared = SharedPasses::new(factors, &*ranks);
     let factors = if ranks.size() == 1 { factors } else { &shared };
-    let system = build(factors, areas, reflectance, exitance)
+    let system = build(factors, mesh.areas(), reflectance.clone(), exitance.clone())
         .and_then(|system| match known.closed_rows {
             Some(rows) => system.with_closed_rows(rows),
             None => Ok(system),
@@ -413,7 +400,7 @@ pub(super) fn solve_system(
     }
     let audit = cx.time("audit", || audit::solution(&system, &solution, known.given))?;
     cx.audited(audit);
-    cx.judge_leaking_power((&materials.0, &materials.1), &solution.radiosity);
+    cx.judge_leaking_power((reflectance, exitance), &solution.radiosity);
     if request.settings.values.is_on(&DISPLAY_AMBIENT) {
         solution = solution.displayed(&system)?;
     }
@@ -428,7 +415,8 @@ pub(super) fn solve_system(
     Ok(solution)
 }
 
-fn refused(
+/// Adds surface, file and remedy to the error of a system without a finite solution; `surface` returns the surface of an unknown.
+pub(super) fn refused(
     (scene, file): (&Scene, &Path),
     error: SolverError,
     surface: impl Fn(usize) -> Option<SurfaceId>,
@@ -487,22 +475,13 @@ fn warn_of_its_end(system: &RadiositySystem<'_>, solution: &Solution, tolerance:
 }
 
 impl FormFactorStudy {
-    /// Estimates the error of a solution by the errors of its form factors, W·m⁻², \[n, c\]. `reflectance`, `exitance`: ρ, E.
+    /// Estimates the error of a solution by the errors of its form factors, W·m⁻², \[n, c\]. `materials`: ρ and E; the latter may have an error of its own.
     ///
     /// Returns `None` where these are unknown, and where light too bright or too dim has no estimate; the light itself is still valid.
     ///
     /// # Errors
     /// [`WorkflowError::Matrix`] where form factors on a disk cannot be read.
-    pub fn carried_error(
-        &self,
-        (reflectance, exitance): (&Block, &Block),
-        solution: &Solution,
-        cx: &Context,
-    ) -> Result<Option<Block>, WorkflowError> {
-        self.carried_error_with((reflectance, exitance), None, solution, cx)
-    }
-
-    pub(super) fn carried_error_with(
+    pub(super) fn carried_error(
         &self,
         materials: (&Block, &Block),
         exitance_error: Option<&Block>,
@@ -514,7 +493,7 @@ impl FormFactorStudy {
             return Ok(None);
         }
         let carried = cx.time("error", || {
-            solver::carried_error_with(&self.factors, materials, exitance_error, solution)
+            solver::carried_error(&self.factors, materials, exitance_error, solution)
         });
         match carried {
             Ok(error) if self.errors_known => Ok(Some(error)),

@@ -38,7 +38,7 @@ pub struct PathStudy<S> {
     pub n_resumed: usize,
 }
 
-/// The results of a block, and its data in a checkpoint beside the values of patches.
+/// The results of a block, as they are in a checkpoint.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct SolvedBlock<S> {
     pub(super) steps: Vec<S>,
@@ -160,7 +160,11 @@ impl Model {
         with_values: bool,
     ) -> [u8; 32] {
         let mut hasher = Sha256::new();
-        hasher.update(format!("{} {with_values} {request:?} {:?};", W::NAME, path.steps));
+        hasher.update(format!(
+            "path 2 {} {with_values} {request:?} {:?};",
+            W::NAME,
+            path.steps
+        ));
         hasher.update(self.scene.content_hash());
         let (reflectance, exitance) = self.materials();
         // Row sums do not suffice: those of all enclosures are 1.
@@ -169,13 +173,8 @@ impl Model {
         let probe = (0..n).map(|_| random.next_u64() as f64 / u64::MAX as f64).collect();
         let mut product = Block::from_values(vec![0.0; n], 1);
         study.factors.apply(&Block::from_values(probe, 1), &mut product);
-        for value in reflectance
-            .values()
-            .iter()
-            .chain(exitance.values())
-            .chain(product.values())
-        {
-            hasher.update(value.to_le_bytes());
+        for block in [&reflectance, &exitance, &product] {
+            hash_block(&mut hasher, block);
         }
         work.hash_into(self, &mut hasher);
         hasher.finalize().into()
@@ -213,30 +212,16 @@ fn fresh_block<W: PathWork>(
 /// Returns a block that an earlier run has finished.
 fn kept_block<S: DeserializeOwned>(checkpoint: &Checkpoint, key: &[u8; 32], k: u64) -> Option<SolvedBlock<S>> {
     checkpoint.begin_part(PART, key);
-    let (record, numbers) = (checkpoint.piece(2 * k)?, checkpoint.piece(2 * k + 1)?);
-    let (mut block, lengths): (SolvedBlock<S>, Vec<usize>) = ciborium::from_reader(&record[..]).ok()?;
-    let mut numbers = numbers.chunks_exact(size_of::<f64>());
-    for (own, length) in block.values.all_mut().zip(lengths) {
-        let found = numbers.by_ref().take(length).filter_map(|bytes| bytes.try_into().ok());
-        own.values = found.map(f64::from_le_bytes).collect();
-        if own.values.len() != length {
-            return None;
-        }
-    }
-    Some(block)
+    ciborium::from_reader(&checkpoint.piece(k)?[..]).ok()
 }
 
-/// Stores a block for a later run: its record, then the numbers of its patches.
+/// Stores a block for a later run.
 fn keep_block<S: Serialize>(checkpoint: &Checkpoint, key: &[u8; 32], k: u64, block: &SolvedBlock<S>) {
     checkpoint.begin_part(PART, key);
-    let lengths: Vec<usize> = block.values.all().map(|own| own.values.len()).collect();
     let mut record = Vec::new();
     // Writing to memory cannot fail, and a block that is not stored is computed again.
-    if ciborium::into_writer(&(block, lengths), &mut record).is_ok() {
-        let numbers = block.values.all().flat_map(|own| &own.values);
-        let numbers: Vec<u8> = numbers.flat_map(|x| x.to_le_bytes()).collect();
-        checkpoint.keep(2 * k, &record);
-        checkpoint.keep(2 * k + 1, &numbers);
+    if ciborium::into_writer(block, &mut record).is_ok() {
+        checkpoint.keep(k, &record);
     }
 }
 

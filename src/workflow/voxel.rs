@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::solve::refused;
 use super::voxel_links::{self, LinkPlace};
 use super::{Context, Model, Unsuited, Warning, WorkflowError, go_on};
 use crate::audit::{self, Given};
@@ -351,7 +352,7 @@ impl Model {
         }
         let face = |surfel: usize| voxels.surfels.get(surfel).map(|surfel| surfel.face.0 as usize);
         let surface = |surfel| Some(self.scene.faces.get(face(surfel)?)?.surface);
-        self.refused(error, surface, cx)
+        refused((&self.scene, &self.file), error, surface, cx)
     }
 
     fn name(&self, id: SurfaceId) -> String {

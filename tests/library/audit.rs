@@ -11,7 +11,7 @@ use glam::{DQuat, DVec3};
 use radiosity::audit::{self, Audit, Claims, Given, Law, Repair};
 use radiosity::form_factor::Reciprocity;
 use radiosity::matrix::operator::Block;
-use radiosity::matrix::{FormFactors, RowTally, RowTile, StorageChoice, Weighting};
+use radiosity::matrix::{FormFactors, RowTally, RowTile, StorageChoice};
 use radiosity::render::{Image, Samples};
 use radiosity::scene::Scene;
 use radiosity::solver::{RadiositySystem, Solution};
@@ -91,7 +91,7 @@ fn every_method_obeys_in_closed_and_open_rooms() {
             assert_eq!(broken(&found), [], "{name}, closed: {closed}: {found:?}");
             assert!(found.check(Law::Sign).unwrap().n_checked > 1000, "{name}");
             // What comes from a repair obeys as well.
-            let factors = computed.factors.symmetrised(Weighting::default()).unwrap();
+            let factors = computed.factors.symmetrised().unwrap();
             let targets = computed.factors.row_targets(closed);
             let (balanced, report) = factors.balanced(&targets, 1e-12, 300).unwrap();
             assert!(report.converged, "{name}");
@@ -298,7 +298,7 @@ fn stated_errors_do_not_excuse_more_than_all_light() {
 fn open_rows_are_held_to_their_noise_after_a_repair() {
     let prepared = Prepared::new(room(true, true), 2);
     let raw = prepared.compute(&*quick("sr", 4));
-    let symmetric = raw.symmetrised(Weighting::default()).unwrap();
+    let symmetric = raw.symmetrised().unwrap();
     let (balanced, report) = symmetric.balanced(raw.row_targets(false), 1e-12, 300).unwrap();
     let with = |repair| Claims {
         repair,

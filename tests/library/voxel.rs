@@ -452,7 +452,7 @@ fn a_uniform_closed_room_has_the_radiosity_of_a_furnace() {
 /// The mean radiosity of each surface by patches: shot form factors and conjugate gradients.
 fn by_patches(scene: &Scene, subdivide: u32) -> Vec<f64> {
     use radiosity::form_factor::{FormFactorMethod as _, Input, RandomShooting};
-    use radiosity::matrix::{StorageChoice, Weighting};
+    use radiosity::matrix::StorageChoice;
     use radiosity::mesh::{Mesh, Subdivision};
     use radiosity::solver::{self, RadiositySystem, SolveOptions, SolverSettings};
     let mesh = Mesh::new(scene, Subdivision::Uniform(subdivide)).unwrap();
@@ -473,7 +473,7 @@ fn by_patches(scene: &Scene, subdivide: u32) -> Vec<f64> {
         .unwrap()
         .factors;
     let factors = raw
-        .symmetrised(Weighting::default())
+        .symmetrised()
         .unwrap()
         .balanced(raw.row_targets(true), 1e-10, 200)
         .unwrap()

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use crate::experiment::ExperimentError;
 use crate::matrix::operator::{Block, LinearOperator, RowAccess};
-use crate::matrix::{FormFactors, Layout, Precision, StorageChoice, Weighting};
+use crate::matrix::{FormFactors, Layout, Precision, StorageChoice};
 use crate::solver::{RadiositySystem, SolverError};
 
 /// The required outcome of a case.
@@ -205,9 +205,7 @@ fn noisy(small: &FormFactors, seed: u64) -> Result<Vec<Case>, ExperimentError> {
             }));
         }
         let targets = vec![1.0; noisy.n_rows()];
-        let (mended, _) = noisy
-            .symmetrised(Weighting::default())?
-            .balanced(&targets, 1e-10, 1000)?;
+        let (mended, _) = noisy.symmetrised()?.balanced(&targets, 1e-10, 1000)?;
         cases.push(Case::new(
             &format!("{n_rays} rays, balanced, ρ = 0.999"),
             "small cube, shot, made symmetric",

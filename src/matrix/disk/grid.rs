@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::tile_file::{Band, Part, TileFile, visit_nothing_known};
-use crate::matrix::backend::Backend;
+use crate::matrix::backend::{Backend, Filling, Sizes};
 use crate::matrix::choice::{Layout, Place, Precision, Scratch, StorageChoice};
 use crate::matrix::error::{DiskError, MatrixError};
 use crate::matrix::kernel::scalar::{Scalar, rounded};
@@ -22,15 +22,7 @@ pub(super) struct Grid<T> {
     file: TileFile<T>,
     layout: Layout,
     share: Option<Share>,
-}
-
-/// A matrix on a disk whose rows come in order.
-pub(in crate::matrix) trait Filling {
-    /// Stores [`SIDE`] rows, the last ones of the matrix maybe fewer, if they are this rank's.
-    fn push(&mut self, tile: &RowTile) -> Result<(), MatrixError>;
-
-    /// Ends the matrix. Collective where ranks store parts.
-    fn finish(self: Box<Self>) -> Arc<dyn Backend>;
+    sizes: Sizes,
 }
 
 /// Makes a scratch file for an n by n matrix.
@@ -73,6 +65,7 @@ impl<T: Scalar> Grid<T> {
             file: TileFile::create(n, scratch)?,
             layout: choice.layout,
             share: Share::of(n, choice),
+            sizes: Sizes::default(),
         })
     }
 
@@ -85,10 +78,6 @@ impl<T: Scalar> Grid<T> {
     fn blocks(&self) -> Range<usize> {
         let all = || 0..block_rows(self.file.n()).len();
         self.share.as_ref().map_or_else(all, |share| share.blocks.clone())
-    }
-
-    fn of_all(&self) -> Option<[usize; 3]> {
-        self.share.as_ref()?.of_all
     }
 }
 
@@ -103,10 +92,13 @@ impl<T: Scalar> Filling for Grid<T> {
     }
 
     fn finish(mut self: Box<Self>) -> Arc<dyn Backend> {
-        let own = [self.pass_byte(), self.n_nonzero(), self.stored_byte()];
-        if let Some(share) = &mut self.share {
-            share.add_up(own);
-        }
+        let n_byte = self.file.n_byte(self.blocks());
+        let own = Sizes {
+            n_nonzero: self.file.n_nonzero(self.blocks()).iter().sum(),
+            pass_byte: n_byte,
+            stored_byte: n_byte,
+        };
+        self.sizes = self.share.as_ref().map_or(own, |share| share.add_up(own));
         Arc::from(self as Box<dyn Backend>)
     }
 }
@@ -190,18 +182,8 @@ impl<T: Scalar> Backend for Grid<T> {
         }
     }
 
-    fn pass_byte(&self) -> usize {
-        self.stored_byte()
-    }
-
-    fn n_nonzero(&self) -> usize {
-        let own = || self.file.n_nonzero(self.blocks()).iter().sum();
-        self.of_all().map_or_else(own, |of_all| of_all[1])
-    }
-
-    fn stored_byte(&self) -> usize {
-        let own = || self.file.n_byte(self.blocks());
-        self.of_all().map_or_else(own, |of_all| of_all[2])
+    fn sizes(&self) -> Sizes {
+        self.sizes
     }
 
     fn held_rows(&self) -> Option<Range<usize>> {
@@ -228,6 +210,7 @@ impl<T: Scalar> Backend for Grid<T> {
             file,
             layout: self.layout,
             share: None,
+            sizes: self.sizes,
         }))
     }
 

@@ -4,9 +4,9 @@
 
 use std::os::unix::fs::FileExt as _;
 
-use super::grid::Filling as _;
 use super::*;
 use crate::matrix::backend::Backend;
+use crate::matrix::backend::Filling as _;
 use crate::matrix::choice::{Layout, Place, Scratch, StorageChoice};
 use crate::matrix::error::DiskError;
 use crate::matrix::kernel::sizes::SIDE;
@@ -44,7 +44,7 @@ fn damage_to_any_byte_is_noticed() {
         let read_all = || {
             (0..2).try_for_each(|row| {
                 file.for_each_tile(row, Part::All, |_, tile| {
-                    assert!(tile.n_nonzero() > 0);
+                    assert!(tile.sizes().n_nonzero > 0);
                 })
             })
         };

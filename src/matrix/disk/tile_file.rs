@@ -172,7 +172,7 @@ impl<T: Scalar> TileFile<T> {
             });
         // After a failure the row is not found, and reads as such.
         let n_byte = self.n_byte - begin;
-        let mut counts = tiles.iter().map(Square::n_nonzero);
+        let mut counts = tiles.iter().map(|tile| tile.sizes().n_nonzero);
         let n_nonzero = [counts.next().unwrap_or(0), counts.sum()];
         self.rows[row] = TileRow {
             first,

@@ -10,6 +10,7 @@ use std::fmt::Debug;
 use std::{arch::x86_64::__m512, hint::black_box};
 
 use pulp::Simd;
+use pulp::bytemuck::{Pod, cast_slice, pod_read_unaligned};
 #[cfg(target_arch = "x86_64")]
 use pulp::{cast, x86::V4};
 
@@ -21,7 +22,7 @@ use crate::matrix::tile::Entry;
 pub(in crate::matrix) type Row = [Lanes; STRIP / LANES];
 
 /// A number as it is stored: f32 or f64.
-pub(in crate::matrix) trait Scalar: Copy + Send + Sync + Debug + 'static {
+pub(in crate::matrix) trait Scalar: Pod + Send + Sync + Debug {
     /// Rounds to the nearest number that can be stored.
     fn from_f64(value: f64) -> Self;
     /// Returns the number; exact.
@@ -31,9 +32,13 @@ pub(in crate::matrix) trait Scalar: Copy + Send + Sync + Debug + 'static {
     /// Returns the first [`LANES`] numbers as f64 in N registers, with zeros in place of missing ones.
     fn widen_some<S: Simd, const N: usize>(simd: S, numbers: &[Self]) -> [S::f64s; N];
     /// Appends numbers as bytes of this machine.
-    fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>);
+    fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>) {
+        bytes.extend_from_slice(cast_slice(numbers));
+    }
     /// Returns the numbers that [`push_bytes`](Self::push_bytes) wrote.
-    fn from_bytes(bytes: &[u8]) -> impl Iterator<Item = Self>;
+    fn from_bytes(bytes: &[u8]) -> impl Iterator<Item = Self> {
+        bytes.chunks_exact(size_of::<Self>()).map(pod_read_unaligned)
+    }
     /// Puts the first of `values` at the bits of `mask` that are set, in their order, and 0 elsewhere.
     #[cfg(target_arch = "x86_64")]
     fn expand(with: WithV4, mask: u16, values: &[Self; STRIP]) -> Row;
@@ -55,16 +60,6 @@ impl Scalar for f64 {
     #[inline(always)]
     fn widen_some<S: Simd, const N: usize>(simd: S, numbers: &[Self]) -> [S::f64s; N] {
         std::array::from_fn(|k| simd.partial_load_f64s(numbers.chunks(S::F64_LANES).nth(k).unwrap_or_default()))
-    }
-    fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>) {
-        bytes.reserve(size_of_val(numbers));
-        for number in numbers {
-            bytes.extend_from_slice(&number.to_ne_bytes());
-        }
-    }
-    fn from_bytes(bytes: &[u8]) -> impl Iterator<Item = Self> {
-        let (numbers, _) = bytes.as_chunks::<8>();
-        numbers.iter().map(|&number| Self::from_ne_bytes(number))
     }
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]
@@ -101,22 +96,12 @@ impl Scalar for f32 {
         let mut eight = [0.0; LANES];
         for (k, part) in eight.chunks_mut(S::F32_LANES).enumerate() {
             let register = simd.partial_load_f32s(numbers.chunks(S::F32_LANES).nth(k).unwrap_or_default());
-            let values: &[Self] = pulp::bytemuck::cast_slice(std::slice::from_ref(&register));
+            let values: &[Self] = cast_slice(std::slice::from_ref(&register));
             part.copy_from_slice(&values[..part.len()]);
         }
         let widened = eight.map(f64::from);
         let registers = S::as_simd_f64s(&widened).0;
         std::array::from_fn(|k| registers[k])
-    }
-    fn push_bytes(numbers: &[Self], bytes: &mut Vec<u8>) {
-        bytes.reserve(size_of_val(numbers));
-        for number in numbers {
-            bytes.extend_from_slice(&number.to_ne_bytes());
-        }
-    }
-    fn from_bytes(bytes: &[u8]) -> impl Iterator<Item = Self> {
-        let (numbers, _) = bytes.as_chunks::<4>();
-        numbers.iter().map(|&number| Self::from_ne_bytes(number))
     }
     #[cfg(target_arch = "x86_64")]
     #[inline(always)]

@@ -16,21 +16,6 @@ use crate::matrix::tile::{RowTally, RowTile, index};
 use crate::matrix::transpose::{Pair, RowBlock};
 use crate::threads;
 
-/// The weights of the two estimates of an exchange area, A_i F_ij and A_j F_ji, in their mean.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Weighting {
-    /// Each counts half.
-    Plain,
-    /// Each counts by the inverse of its variance.
-    ///
-    /// Between two rows of rays the variances are a A_i / N_i and a A_j / N_j
-    /// for the same true exchange area a (up to 1 − F), so the weights are N_i / A_i and N_j / A_j: weights from the counts
-    /// themselves would favour the estimate that happens to be smaller. Otherwise the weights are those of the standard errors,
-    /// where both are known; where not, each counts half.
-    #[default]
-    InverseVariance,
-}
-
 /// How a balance went.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -43,17 +28,6 @@ pub struct BalanceReport {
     pub n_empty_rows: usize,
     /// True if `row_error_max` is within the tolerance.
     pub converged: bool,
-}
-
-/// The weights of two estimates of one exchange area.
-#[derive(Clone, Copy)]
-enum Weights {
-    /// Each counts half.
-    Equal,
-    /// With these weights, by the rays.
-    Rays(f64, f64),
-    /// By their standard errors where both are known; otherwise each counts half.
-    Errors,
 }
 
 /// The size of a factor d_i at which no scaling exists: the factors would go on to infinity and zero.
@@ -76,11 +50,16 @@ impl FormFactors {
     /// a_ij = w A_i F_ij + (1 − w) A_j F_ji, symmetric to the last bit; its standard error is that of independent
     /// estimates. A matrix that is symmetric already is returned unchanged. Row sums change: on noisy form factors call
     /// [`balanced`](Self::balanced) next, without which the radiosities of a bright room get worse.
+    ///
+    /// Each estimate counts by the inverse of its variance. Between two rows of rays the variances are a A_i / N_i and a A_j / N_j
+    /// for the same true exchange area a (up to 1 − F), so the weights are N_i / A_i and N_j / A_j: weights from the counts
+    /// themselves would favour the estimate that happens to be smaller. Otherwise the weights are those of the standard errors,
+    /// where both are known; where not, each counts half.
     /// Source: weighted least squares. Departures: none.
     ///
     /// # Errors
     /// [`MatrixError::Value`] if an exchange area is too large for the precision of the storage, [`MatrixError::Disk`].
-    pub fn symmetrised(&self, weighting: Weighting) -> Result<Self, MatrixError> {
+    pub fn symmetrised(&self) -> Result<Self, MatrixError> {
         if self.is_symmetric() {
             return Ok(self.clone());
         }
@@ -94,11 +73,7 @@ impl FormFactors {
             let mut lists = vec![Vec::new(); rows.len()];
             block.for_each_pair(columns.start, |i, j, pair| {
                 if j >= i && j < columns.end {
-                    let weights = match (weighting, ray_weights[i].zip(ray_weights[j])) {
-                        (Weighting::Plain, _) => Weights::Equal,
-                        (Weighting::InverseVariance, Some((p, q))) => Weights::Rays(p, q),
-                        (Weighting::InverseVariance, None) => Weights::Errors,
-                    };
+                    let weights = ray_weights[i].zip(ray_weights[j]);
                     let (exchange, std_error) = self.mean_exchange(weights, area_max, (i, j), &pair);
                     lists[i - rows.start].push((index(j), exchange, std_error));
                 }
@@ -214,18 +189,22 @@ impl FormFactors {
     /// Returns the mean of A_i F_ij and A_j F_ji and its standard error, both divided by `area_max`.
     ///
     /// Swapping i and j swaps terms of commutative operations only, so that the result is the same to the last bit.
-    fn mean_exchange(&self, weights: Weights, area_max: f64, (i, j): (usize, usize), pair: &Pair) -> (f64, f64) {
+    fn mean_exchange(
+        &self,
+        ray_weights: Option<(f64, f64)>,
+        area_max: f64,
+        (i, j): (usize, usize),
+        pair: &Pair,
+    ) -> (f64, f64) {
         let (a_i, a_j) = (self.areas[i] / area_max, self.areas[j] / area_max);
         let (x, x_error) = (a_i * pair.there.0, a_i * pair.there.1);
         let (y, y_error) = (a_j * pair.back.0, a_j * pair.back.1);
-        let (p, q) = match weights {
-            Weights::Rays(p, q) => (p, q),
-            Weights::Errors if x_error > 0.0 && y_error > 0.0 => {
-                let ratio = x_error.max(y_error);
-                ((ratio / x_error).powi(2), (ratio / y_error).powi(2))
-            }
-            Weights::Equal | Weights::Errors => (1.0, 1.0),
+        let by_errors = || {
+            let ratio = x_error.max(y_error);
+            let are_known = x_error > 0.0 && y_error > 0.0;
+            are_known.then(|| ((ratio / x_error).powi(2), (ratio / y_error).powi(2)))
         };
+        let (p, q) = ray_weights.or_else(by_errors).unwrap_or((1.0, 1.0));
         let (p, q) = (p / (p + q), q / (p + q));
         // f64::hypot is not required to be symmetric in its arguments to the last bit.
         let std_error = ((p * x_error).powi(2) + (q * y_error).powi(2)).sqrt();

@@ -5,5 +5,5 @@ mod closure;
 mod need;
 mod pooled;
 
-pub use balance::{BalanceReport, Weighting};
+pub use balance::BalanceReport;
 pub use need::{Need, RepairKind, Sampling};

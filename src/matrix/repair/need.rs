@@ -1,6 +1,6 @@
 //! The choice of a repair by the use of the form factors.
 
-use super::balance::{BalanceReport, Weighting};
+use super::balance::BalanceReport;
 use crate::matrix::checks::RowTargets;
 use crate::matrix::error::MatrixError;
 use crate::matrix::form_factors::FormFactors;
@@ -109,7 +109,7 @@ impl FormFactors {
         tolerance: f64,
         max_passes: usize,
     ) -> Result<(Self, Option<BalanceReport>), MatrixError> {
-        let symmetric = || self.symmetrised(Weighting::default());
+        let symmetric = || self.symmetrised();
         let (repaired, report) = match kind {
             RepairKind::Nothing => return Ok((self.clone(), None)),
             RepairKind::Pooled => return Ok((self.pooled()?, None)),

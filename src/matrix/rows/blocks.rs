@@ -15,6 +15,7 @@ use pulp::Simd;
 
 use super::panels::Panels;
 use super::store::{Numbers, Store};
+use crate::matrix::backend::Sizes;
 use crate::matrix::error::MatrixError;
 use crate::matrix::kernel::aligned::LINE_BYTE;
 use crate::matrix::kernel::expand::{Expander, OneByOne};
@@ -258,7 +259,7 @@ impl<T: Scalar> Store for BlockTile<T> {
         }
     }
 
-    fn apply(&self, row: usize, _: usize, _: &Block, planes: &Planes, y: &mut [f64]) {
+    fn apply(&self, row: usize, planes: &Planes, y: &mut [f64]) {
         let n_channels = planes.n_channels();
         for first in (0..n_channels).step_by(CHANNELS_AT_ONCE) {
             match n_channels - first {
@@ -273,17 +274,9 @@ impl<T: Scalar> Store for BlockTile<T> {
         self.numbers.values.len() - STRIP
     }
 
-    fn n_nonzero(&self) -> usize {
-        self.numbers.n_nonzero
-    }
-
-    fn stored_byte(&self) -> usize {
-        self.pass_byte() + self.numbers.error_byte()
-    }
-
-    fn pass_byte(&self) -> usize {
+    fn sizes(&self) -> Sizes {
         let places = size_of_val(self.blocks.as_slice()) + size_of_val(self.masks.as_slice());
-        size_of_val(self.begins.as_slice()) + places + self.numbers.value_byte()
+        self.numbers.sizes_beside(size_of_val(self.begins.as_slice()) + places)
     }
 }
 
@@ -478,7 +471,7 @@ mod tests {
         for n_channels in 1..=5 {
             let x = Block::from_values(numbers(N * n_channels, 2), n_channels);
             let mut y = vec![f64::NAN; (n_rows - 1) * n_channels];
-            tile.apply(1, 1, &x, &Planes::of(&x), &mut y);
+            tile.apply(1, &Planes::of(&x), &mut y);
             for i in 1..n_rows {
                 let sums = (0..n_channels).map(|c| by_hand(&row(i), |j| x.row(j)[c]));
                 let own = (i - 1) * n_channels..i * n_channels;
@@ -548,7 +541,7 @@ mod tests {
             assert_eq!(found, expected, "{row} {columns:?}");
         }
         let n_entries = (3..12).map(|i| entries(i).len()).sum();
-        assert_eq!((tile.n_stored(), tile.n_nonzero()), (n_entries, n_entries));
+        assert_eq!((tile.n_stored(), tile.sizes().n_nonzero), (n_entries, n_entries));
     }
 
     #[test]
@@ -560,7 +553,7 @@ mod tests {
         );
         let stored = BlockTile::<f32>::new(&tile, 48).expect("a sound row");
         assert_eq!(stored.blocks, [1, 2]);
-        assert_eq!((stored.n_stored(), stored.n_nonzero()), (2, 1));
+        assert_eq!((stored.n_stored(), stored.sizes().n_nonzero), (2, 1));
         let mut found = Vec::new();
         stored.for_each(0, 0..48, &mut |j, value, std_error| found.push((j, value, std_error)));
         assert_eq!(found, [(20, 0.5, 0.0), (40, 0.0, 0.125)]);

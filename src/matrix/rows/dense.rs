@@ -8,6 +8,7 @@
 use std::ops::Range;
 
 use super::store::Store;
+use crate::matrix::backend::Sizes;
 use crate::matrix::error::MatrixError;
 use crate::matrix::kernel::aligned::Aligned;
 use crate::matrix::kernel::lanes::{add_row, multiply_rows};
@@ -83,9 +84,9 @@ impl<T: Scalar> Store for DenseTile<T> {
         values[diagonal].to_f64()
     }
 
-    fn apply(&self, row: usize, _: usize, x: &Block, planes: &Planes, y: &mut [f64]) {
+    fn apply(&self, row: usize, planes: &Planes, y: &mut [f64]) {
         let begin = row * self.n_columns;
-        let n_values = y.len() / x.n_channels() * self.n_columns;
+        let n_values = y.len() / planes.n_channels() * self.n_columns;
         multiply_rows(&self.values[begin..begin + n_values], self.n_columns, planes, y);
     }
 
@@ -100,15 +101,12 @@ impl<T: Scalar> Store for DenseTile<T> {
         self.values.len()
     }
 
-    fn n_nonzero(&self) -> usize {
-        self.n_nonzero
-    }
-
-    fn stored_byte(&self) -> usize {
-        self.pass_byte() + size_of_val(self.std_errors.as_slice())
-    }
-
-    fn pass_byte(&self) -> usize {
-        size_of_val(&*self.values)
+    fn sizes(&self) -> Sizes {
+        let pass_byte = size_of_val(&*self.values);
+        Sizes {
+            n_nonzero: self.n_nonzero,
+            pass_byte,
+            stored_byte: pass_byte + size_of_val(self.std_errors.as_slice()),
+        }
     }
 }

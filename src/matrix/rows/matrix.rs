@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::choose::store;
 use super::store::Store;
-use crate::matrix::backend::Backend;
+use crate::matrix::backend::{Backend, Filling, Sizes};
 use crate::matrix::choice::{Layout, Precision, StorageChoice};
 use crate::matrix::error::MatrixError;
 use crate::matrix::kernel::planes::Planes;
@@ -29,10 +29,11 @@ pub(in crate::matrix) struct Rows {
     end: usize,
     /// Of several ranks, each stores the tiles in which any of its rows lie.
     share: Option<Share>,
+    sizes: Sizes,
 }
 
 impl Rows {
-    /// Returns an n by n matrix without rows; each of several ranks stores its own of the rows that are [pushed](Self::push).
+    /// Returns an n by n matrix without rows; each of several ranks stores its own of the rows that are [pushed](Filling::push).
     pub(in crate::matrix) fn new(n: usize, choice: StorageChoice<'_>) -> Self {
         Self {
             n,
@@ -42,41 +43,8 @@ impl Rows {
             firsts: Vec::new(),
             end: 0,
             share: Share::of(n, choice),
+            sizes: Sizes::default(),
         }
-    }
-
-    /// Adds the next rows.
-    pub(in crate::matrix) fn push(&mut self, tile: &RowTile) -> Result<(), MatrixError> {
-        let rows = tile.first_row()..tile.first_row() + tile.n_rows();
-        let is_kept = |share: &Share| rows.start < share.rows.end && share.rows.start < rows.end;
-        if self.share.as_ref().is_none_or(is_kept) {
-            self.tiles.push(store(tile, self.n, (self.layout, self.precision))?);
-            self.firsts.push(rows.start);
-            self.end = rows.end;
-        }
-        Ok(())
-    }
-
-    /// Ends the matrix after the last row. Collective where ranks store parts.
-    pub(in crate::matrix) fn finish(mut self) -> Arc<dyn Backend> {
-        let counts = self
-            .begun_here()
-            .map(|k| &self.tiles[k])
-            .fold([0; 3], |sum: [usize; 3], tile| {
-                [
-                    sum[0] + tile.pass_byte(),
-                    sum[1] + tile.n_nonzero(),
-                    sum[2] + tile.stored_byte(),
-                ]
-            });
-        if let Some(share) = &mut self.share {
-            share.add_up(counts);
-        }
-        Arc::new(self)
-    }
-
-    fn of_all(&self) -> Option<[usize; 3]> {
-        self.share.as_ref()?.of_all
     }
 
     /// Returns the tiles whose first row is this rank's: each tile belongs to one rank.
@@ -116,6 +84,25 @@ impl Rows {
     }
 }
 
+impl Filling for Rows {
+    fn push(&mut self, tile: &RowTile) -> Result<(), MatrixError> {
+        let rows = tile.first_row()..tile.first_row() + tile.n_rows();
+        let is_kept = |share: &Share| rows.start < share.rows.end && share.rows.start < rows.end;
+        if self.share.as_ref().is_none_or(is_kept) {
+            self.tiles.push(store(tile, self.n, (self.layout, self.precision))?);
+            self.firsts.push(rows.start);
+            self.end = rows.end;
+        }
+        Ok(())
+    }
+
+    fn finish(mut self: Box<Self>) -> Arc<dyn Backend> {
+        let own = self.begun_here().map(|k| self.tiles[k].sizes()).sum();
+        self.sizes = self.share.as_ref().map_or(own, |share| share.add_up(own));
+        Arc::from(self as Box<dyn Backend>)
+    }
+}
+
 impl Backend for Rows {
     fn for_each(&self, i: usize, columns: Range<usize>, visit: &mut dyn FnMut(usize, f64, f64)) {
         if let Some((tile, row)) = self.locate(i) {
@@ -130,21 +117,16 @@ impl Backend for Rows {
         for (k, rows) in tasks {
             let (sums, after) = rest.split_at_mut(rows.len() * n_channels);
             rest = after;
-            with_sums.push((&self.tiles[k], rows.start - self.firsts[k], rows.start, sums));
+            with_sums.push((&self.tiles[k], rows.start - self.firsts[k], sums));
         }
         let n_terms = n_channels * self.tiles.iter().map(|tile| tile.n_stored()).sum::<usize>();
-        let pay = threads::pay_for_pass(n_terms, self.pass_byte());
-        threads::for_each(pay, with_sums, |(tile, row, i, sums)| {
-            tile.apply(row, i, x, &planes, sums);
+        let pay = threads::pay_for_pass(n_terms, self.sizes.pass_byte);
+        threads::for_each(pay, with_sums, |(tile, row, sums)| {
+            tile.apply(row, &planes, sums);
         });
         if let Some(share) = &self.share {
             share.complete(y);
         }
-    }
-
-    fn pass_byte(&self) -> usize {
-        let own = || self.tiles.iter().map(|tile| tile.pass_byte()).sum();
-        self.of_all().map_or_else(own, |of_all| of_all[0])
     }
 
     fn dot_off_diagonal(&self, i: usize, x: &Block, sum: &mut [f64]) -> f64 {
@@ -157,14 +139,8 @@ impl Backend for Rows {
         tile.add_row(row, factor, sum)
     }
 
-    fn n_nonzero(&self) -> usize {
-        let own = || self.tiles.iter().map(|tile| tile.n_nonzero()).sum();
-        self.of_all().map_or_else(own, |of_all| of_all[1])
-    }
-
-    fn stored_byte(&self) -> usize {
-        let own = || self.tiles.iter().map(|tile| tile.stored_byte()).sum();
-        self.of_all().map_or_else(own, |of_all| of_all[2])
+    fn sizes(&self) -> Sizes {
+        self.sizes
     }
 
     fn held_rows(&self) -> Option<Range<usize>> {

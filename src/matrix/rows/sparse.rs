@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::gather::{SparseRows, multiply_sparse_rows};
 use super::panels::Panels;
 use super::store::{Numbers, Store};
+use crate::matrix::backend::Sizes;
 use crate::matrix::error::MatrixError;
 use crate::matrix::kernel::dot::add_dot;
 use crate::matrix::kernel::planes::Planes;
@@ -95,7 +96,7 @@ impl<T: Scalar> Store for SparseTile<T> {
         on_diagonal
     }
 
-    fn apply(&self, row: usize, _: usize, _: &Block, planes: &Planes, y: &mut [f64]) {
+    fn apply(&self, row: usize, planes: &Planes, y: &mut [f64]) {
         let rows = SparseRows {
             panels: self.panels,
             first_row: row,
@@ -110,15 +111,8 @@ impl<T: Scalar> Store for SparseTile<T> {
         self.numbers.values.len()
     }
 
-    fn n_nonzero(&self) -> usize {
-        self.numbers.n_nonzero
-    }
-
-    fn stored_byte(&self) -> usize {
-        self.pass_byte() + self.numbers.error_byte()
-    }
-
-    fn pass_byte(&self) -> usize {
-        size_of_val(self.begins.as_slice()) + size_of_val(self.columns.as_slice()) + self.numbers.value_byte()
+    fn sizes(&self) -> Sizes {
+        self.numbers
+            .sizes_beside(size_of_val(self.begins.as_slice()) + size_of_val(self.columns.as_slice()))
     }
 }

@@ -3,6 +3,7 @@
 use std::fmt::Debug;
 use std::ops::Range;
 
+use crate::matrix::backend::Sizes;
 use crate::matrix::error::MatrixError;
 use crate::matrix::kernel::planes::Planes;
 use crate::matrix::kernel::scalar::{Scalar, rounded};
@@ -18,9 +19,7 @@ pub(in crate::matrix) trait Store: Debug + Send + Sync {
     fn dot_off_diagonal(&self, row: usize, diagonal: usize, x: &Block, sum: &mut [f64]) -> f64;
 
     /// Sets `y` (row-major, one entry per channel) to the products of as many rows with `x`, from the row `row` on.
-    ///
-    /// It is row `i` of the matrix; `planes` are `x` again.
-    fn apply(&self, row: usize, i: usize, x: &Block, planes: &Planes, y: &mut [f64]);
+    fn apply(&self, row: usize, x: &Planes, y: &mut [f64]);
 
     /// Adds `factor` a_j to `sum[j]` over the row, and returns the count of the row's stored numbers.
     fn add_row(&self, row: usize, factor: f64, sum: &mut [f64]) -> usize {
@@ -35,14 +34,8 @@ pub(in crate::matrix) trait Store: Debug + Send + Sync {
     /// Returns the number of stored numbers, zeros of a dense tile included.
     fn n_stored(&self) -> usize;
 
-    /// Returns the number of nonzero numbers.
-    fn n_nonzero(&self) -> usize;
-
-    /// Returns the memory in use.
-    fn stored_byte(&self) -> usize;
-
-    /// Returns the bytes that [`apply`](Self::apply) reads.
-    fn pass_byte(&self) -> usize;
+    /// Returns what the numbers take.
+    fn sizes(&self) -> Sizes;
 }
 
 /// The numbers of listed entries and their standard errors, entry by entry.
@@ -51,7 +44,7 @@ pub(in crate::matrix) struct Numbers<T> {
     pub(in crate::matrix) values: Vec<T>,
     /// As `values`, up to the last that is not zero.
     std_errors: Vec<f32>,
-    pub(in crate::matrix) n_nonzero: usize,
+    n_nonzero: usize,
 }
 
 impl<T: Scalar> Numbers<T> {
@@ -85,13 +78,13 @@ impl<T: Scalar> Numbers<T> {
         (self.values[place].to_f64(), std_error)
     }
 
-    /// Returns the memory of the values.
-    pub(in crate::matrix) fn value_byte(&self) -> usize {
-        size_of_val(self.values.as_slice())
-    }
-
-    /// Returns the memory of the standard errors.
-    pub(in crate::matrix) fn error_byte(&self) -> usize {
-        size_of_val(self.std_errors.as_slice())
+    /// Returns what the numbers take, beside `place_byte` bytes of their places.
+    pub(in crate::matrix) fn sizes_beside(&self, place_byte: usize) -> Sizes {
+        let pass_byte = place_byte + size_of_val(self.values.as_slice());
+        Sizes {
+            n_nonzero: self.n_nonzero,
+            pass_byte,
+            stored_byte: pass_byte + size_of_val(self.std_errors.as_slice()),
+        }
     }
 }

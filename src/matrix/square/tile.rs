@@ -5,6 +5,7 @@ use std::ops::{Deref, Range};
 use super::both::{Meeting, add_both};
 use super::listed::add_both_listed;
 use super::places::Places;
+use crate::matrix::backend::Sizes;
 use crate::matrix::choice::Layout;
 use crate::matrix::error::MatrixError;
 use crate::matrix::kernel::aligned::Aligned;
@@ -298,32 +299,21 @@ impl<T: Scalar> Square<T> {
         }
     }
 
-    /// Returns the number of nonzero numbers.
-    pub(in crate::matrix) fn n_nonzero(&self) -> usize {
-        let values: &[T] = match self {
-            Self::Empty => return 0,
-            Self::Full(full) => &full.numbers.values,
-            Self::List(list) => &list.numbers.values,
+    /// Returns what the numbers take; [`add_both`](Self::add_both) is a pass.
+    pub(in crate::matrix) fn sizes(&self) -> Sizes {
+        let (place_byte, values, std_errors): (usize, &[T], &[f32]) = match self {
+            Self::Empty => (0, &[], &[]),
+            Self::Full(full) => (0, &full.numbers.values, &full.numbers.std_errors),
+            Self::List(list) => {
+                let place_byte = Places::byte(list.places.size());
+                (place_byte, &list.numbers.values, &list.numbers.std_errors)
+            }
         };
-        values.iter().filter(|v| !is_zero(v.to_f64())).count()
-    }
-
-    /// Returns the memory in use.
-    pub(in crate::matrix) fn stored_byte(&self) -> usize {
-        let of_errors = match self {
-            Self::Empty => 0,
-            Self::Full(full) => size_of_val(&*full.numbers.std_errors),
-            Self::List(list) => size_of_val(&*list.numbers.std_errors),
-        };
-        size_of::<Self>() + self.pass_byte() + of_errors
-    }
-
-    /// Returns the bytes that [`add_both`](Self::add_both) reads.
-    pub(in crate::matrix) fn pass_byte(&self) -> usize {
-        match self {
-            Self::Empty => 0,
-            Self::Full(full) => size_of_val(&*full.numbers.values),
-            Self::List(list) => Places::byte(list.places.size()) + size_of_val(&*list.numbers.values),
+        let pass_byte = place_byte + size_of_val(values);
+        Sizes {
+            n_nonzero: values.iter().filter(|v| !is_zero(v.to_f64())).count(),
+            pass_byte,
+            stored_byte: size_of::<Self>() + pass_byte + size_of_val(std_errors),
         }
     }
 }

@@ -41,7 +41,7 @@ pub(in crate::matrix) fn from_blocks(
             row_of_tiles::<T>(&tile, n, choice.layout, columns)
         };
         let rows = InOrder::new(blocks.len(), row_byte, choice.place.waiting_byte(), work);
-        Tiles::<T>::of_rows(areas, choice, part.clone(), rows)
+        Tiles::<T>::collect(row_factors(areas), choice.place, part.clone(), rows)
     }
     match choice.precision {
         Precision::F64 => build::<f64>(areas, choice, upper),
@@ -69,7 +69,7 @@ pub(in crate::matrix) fn from_rows<E: From<MatrixError> + Send>(
             let columns = part.columns(tile.first_row() / SIDE);
             Ok::<_, E>(row_of_tiles::<T>(&tile, n, choice.layout, columns)?)
         });
-        Tiles::<T>::of_rows(areas, choice, part.clone(), rows)
+        Tiles::<T>::collect(row_factors(areas), choice.place, part.clone(), rows)
     }
     match choice.precision {
         Precision::F64 => build::<f64, E>(areas, choice, upper),

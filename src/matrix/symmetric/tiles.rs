@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::build::row_of_tiles;
 use super::pass::{PassSums, PieceOfY};
 use crate::in_order::InOrder;
-use crate::matrix::backend::Backend;
+use crate::matrix::backend::{Backend, Sizes};
 use crate::matrix::choice::{Layout, Place, StorageChoice};
 use crate::matrix::disk::{Band, Part, TileFile, visit_nothing_known};
 use crate::matrix::error::{DiskError, MatrixError};
@@ -70,8 +70,7 @@ pub(super) struct Tiles<T> {
     n: usize,
     /// f_i = max A / A_i: F_ij = f_i s_ij.
     row_factors: Vec<f64>,
-    /// The data that a pass of one process reads.
-    pass_byte: usize,
+    sizes: Sizes,
     stored: Stored,
     rows: Rows<T>,
 }
@@ -111,23 +110,13 @@ fn pieces(n: usize) -> Vec<Range<usize>> {
 }
 
 impl<T: Scalar> Tiles<T> {
-    /// Stores rows of tiles of exchange areas between patches of these areas. Collective where ranks store parts.
-    pub(super) fn of_rows<E: From<MatrixError>>(
-        areas: &[f64],
-        choice: StorageChoice<'_>,
-        part: Stored,
-        rows: impl Iterator<Item = Result<Vec<Square<T>>, E>>,
-    ) -> Result<Arc<dyn Backend>, E> {
-        Ok(Arc::new(Self::collect(row_factors(areas), choice.place, part, rows)?))
-    }
-
     /// Stores rows of tiles, all [`block_rows`] of them. Collective where ranks store parts.
-    fn collect<E: From<MatrixError>>(
+    pub(super) fn collect<E: From<MatrixError>>(
         row_factors: Vec<f64>,
         place: Place<'_>,
         part: Stored,
         rows: impl Iterator<Item = Result<Vec<Square<T>>, E>>,
-    ) -> Result<Self, E> {
+    ) -> Result<Arc<dyn Backend>, E> {
         let mut tiles = Self::new(row_factors, place, part)?;
         let mut n_rows = 0;
         for row in rows {
@@ -135,14 +124,11 @@ impl<T: Scalar> Tiles<T> {
             n_rows += 1;
         }
         assert_eq!(n_rows, block_rows(tiles.n).len(), "a tile for every row of blocks");
-        Ok(tiles.finish())
+        Ok(Arc::new(tiles.finish()))
     }
 
     /// Returns a matrix without tiles.
-    pub(super) fn new(row_factors: Vec<f64>, place: Place<'_>, mut stored: Stored) -> Result<Self, MatrixError> {
-        if let Some(share) = &mut stored.share {
-            share.of_all = None;
-        }
+    pub(super) fn new(row_factors: Vec<f64>, place: Place<'_>, stored: Stored) -> Result<Self, MatrixError> {
         let n = row_factors.len();
         let rows = match place {
             Place::Memory { .. } => Rows::Memory(std::iter::repeat_with(Vec::new).take(stored.n_blocks).collect()),
@@ -151,7 +137,7 @@ impl<T: Scalar> Tiles<T> {
         Ok(Self {
             n,
             row_factors,
-            pass_byte: 0,
+            sizes: Sizes::default(),
             stored,
             rows,
         })
@@ -172,22 +158,32 @@ impl<T: Scalar> Tiles<T> {
 
     /// Ends the matrix once all tiles are stored. Collective where ranks store parts.
     pub(super) fn finish(mut self) -> Self {
-        let own = [self.own_pass_byte(), self.n_nonzero(), self.stored_byte()];
-        let [pass_byte, ..] = self.stored.share.as_mut().map_or(own, |share| share.add_up(own));
-        self.pass_byte = pass_byte;
+        let own = self.own_sizes();
+        self.sizes = self.stored.share.as_ref().map_or(own, |share| share.add_up(own));
         self
     }
 
-    fn of_all(&self) -> Option<[usize; 3]> {
-        self.stored.share.as_ref()?.of_all
-    }
-
-    /// Returns the data that a pass reads of this rank's rows of tiles.
-    fn own_pass_byte(&self) -> usize {
+    /// Returns what this rank's rows of tiles take; entries beside the diagonal count twice.
+    fn own_sizes(&self) -> Sizes {
         let own = self.stored.own();
         match &self.rows {
-            Rows::Memory(rows) => rows[own].iter().flatten().map(Square::pass_byte).sum(),
-            Rows::Disk(file) => file.n_byte(own),
+            Rows::Memory(rows) => {
+                let of_row = |tiles: &Vec<Square<T>>| {
+                    let mut sizes: Sizes = tiles.iter().map(Square::sizes).sum();
+                    sizes.n_nonzero = 2 * sizes.n_nonzero - tiles.first().map_or(0, |tile| tile.sizes().n_nonzero);
+                    sizes
+                };
+                threads::collect_from(&rows[own], of_row).into_iter().sum()
+            }
+            Rows::Disk(file) => {
+                let [diagonal, others] = file.n_nonzero(own.clone());
+                let n_byte = file.n_byte(own);
+                Sizes {
+                    n_nonzero: diagonal + 2 * others,
+                    pass_byte: n_byte,
+                    stored_byte: n_byte,
+                }
+            }
         }
     }
 
@@ -316,7 +312,7 @@ impl<T: Scalar> Backend for Tiles<T> {
         // Pieces behind the rows add nothing to them.
         let mut pieces = pieces(self.n);
         pieces.retain(|piece| piece.start * SIDE < rows.end);
-        let pay = threads::pay_for_pass(self.n * self.n * x.n_channels(), self.pass_byte);
+        let pay = threads::pay_for_pass(self.n * self.n * x.n_channels(), self.sizes.pass_byte);
         let parts = threads::map(pay, pieces.len(), |k| self.apply_piece(pieces[k].clone(), &planes));
         let n_channels = y.n_channels();
         let own = rows.start * n_channels..rows.end * n_channels;
@@ -324,10 +320,6 @@ impl<T: Scalar> Backend for Tiles<T> {
         if let Some(share) = &self.stored.share {
             share.complete(y);
         }
-    }
-
-    fn pass_byte(&self) -> usize {
-        self.pass_byte
     }
 
     fn row_factors(&self) -> Option<&[f64]> {
@@ -348,13 +340,7 @@ impl<T: Scalar> Backend for Tiles<T> {
         };
         let row_byte = (self.n * SIDE * (size_of::<T>() + size_of::<f32>())) as u64;
         let rows = InOrder::new(n_blocks, row_byte, self.place().waiting_byte(), scale_row);
-        let factors = self.row_factors.clone();
-        Ok(Arc::new(Self::collect(
-            factors,
-            self.place(),
-            self.stored.clone(),
-            rows,
-        )?))
+        Self::collect(self.row_factors.clone(), self.place(), self.stored.clone(), rows)
     }
 
     fn held_rows(&self) -> Option<Range<usize>> {
@@ -374,7 +360,7 @@ impl<T: Scalar> Backend for Tiles<T> {
         let mut whole = Self {
             n: self.n,
             row_factors: self.row_factors.clone(),
-            pass_byte: self.pass_byte,
+            sizes: self.sizes,
             stored: all,
             rows,
         };
@@ -398,36 +384,8 @@ impl<T: Scalar> Backend for Tiles<T> {
         Some(Arc::new(whole))
     }
 
-    fn n_nonzero(&self) -> usize {
-        if let Some(of_all) = self.of_all() {
-            return of_all[1];
-        }
-        let own = self.stored.own();
-        let rows = match &self.rows {
-            Rows::Memory(rows) => &rows[own],
-            Rows::Disk(file) => {
-                let [diagonal, others] = file.n_nonzero(own);
-                return diagonal + 2 * others;
-            }
-        };
-        let of_row = |tiles: &Vec<Square<T>>| {
-            let counts = tiles.iter().enumerate();
-            counts
-                .map(|(k, tile)| tile.n_nonzero() * if k == 0 { 1 } else { 2 })
-                .sum::<usize>()
-        };
-        threads::collect_from(rows, of_row).into_iter().sum()
-    }
-
-    fn stored_byte(&self) -> usize {
-        if let Some(of_all) = self.of_all() {
-            return of_all[2];
-        }
-        let own = self.stored.own();
-        match &self.rows {
-            Rows::Memory(rows) => rows[own].iter().flatten().map(Square::stored_byte).sum(),
-            Rows::Disk(file) => file.n_byte(own),
-        }
+    fn sizes(&self) -> Sizes {
+        self.sizes
     }
 
     fn place(&self) -> Place<'_> {

@@ -18,17 +18,17 @@ const SHIFT: f64 = 1e-6;
 const MIN_COSINE: f64 = 0.01;
 
 /// The surface and the plane of a face.
-struct Owner {
-    surface: SurfaceId,
-    material: Material,
+pub(super) struct Owner {
+    pub(super) surface: SurfaceId,
+    pub(super) material: Material,
     /// Equal for faces of one surface in one plane.
-    plane: u32,
+    pub(super) plane: u32,
 }
 
 /// All faces of an image's scene.
 pub(super) struct Faces<'a> {
     reference: &'a Reference<'a>,
-    owners: Vec<Owner>,
+    pub(super) owners: Vec<Owner>,
     /// The emitters seen from each face's points, computed on first use.
     regions: Vec<OnceLock<Region<'a>>>,
     size: Size,
@@ -57,12 +57,12 @@ pub(super) enum Seen {
 
 impl<'a> Faces<'a> {
     pub(super) fn new(reference: &'a Reference<'a>, eye: DVec3) -> Self {
-        let plates = reference.plates();
+        let plates = &reference.plates;
         let size = Size::of(plates.iter().flat_map(|plate| &plate.corners).chain([&eye]));
         let mut owners: Vec<Owner> = Vec::with_capacity(plates.len());
         // The first face of each plane.
         let mut planes: Vec<usize> = Vec::new();
-        for (id, record) in (0..).zip(&reference.attributes().surfaces) {
+        for (id, record) in (0..).zip(&reference.attributes.surfaces) {
             let first_plane = planes.len();
             for polygon in &record.polygons {
                 let own = &plates[owners.len()];
@@ -89,18 +89,6 @@ impl<'a> Faces<'a> {
         }
     }
 
-    pub(super) fn surface(&self, face: usize) -> SurfaceId {
-        self.owners[face].surface
-    }
-
-    pub(super) fn plane(&self, face: usize) -> u32 {
-        self.owners[face].plane
-    }
-
-    pub(super) fn material(&self, face: usize) -> Material {
-        self.owners[face].material
-    }
-
     /// Returns the greatest movement of the hit point by rounding in f64, in m.
     pub(super) fn slack(&self, hit: &Hit) -> f64 {
         (1e-12 * self.size.extent + self.size.rounding()) / hit.cosine
@@ -108,7 +96,7 @@ impl<'a> Faces<'a> {
 
     pub(super) fn region(&self, face: usize) -> &Region<'a> {
         self.regions[face].get_or_init(|| {
-            let own = &self.reference.plates()[face..=face];
+            let own = &self.reference.plates[face..=face];
             self.reference.region(&own[0].corners, own[0].normal, own)
         })
     }
@@ -131,7 +119,7 @@ impl<'a> Faces<'a> {
             };
             sides.iter().any(|side| reach(side) < -slack)
         };
-        let plates = self.reference.plates().iter().enumerate();
+        let plates = self.reference.plates.iter().enumerate();
         plates.filter(|(_, plate)| !misses(plate)).map(|(k, _)| k).collect()
     }
 
@@ -169,7 +157,7 @@ impl<'a> Faces<'a> {
         let tie = 1e-9 * self.size.extent + self.size.rounding();
         let mut best: Option<Hit> = None;
         for &face in candidates {
-            let Plate { corners, normal } = &self.reference.plates()[face];
+            let Plate { corners, normal } = &self.reference.plates[face];
             let along = normal.dot(direction);
             let t = normal.dot(corners[0] - origin) / along;
             let (front, point) = (along < 0.0, origin + direction * t);

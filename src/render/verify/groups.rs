@@ -186,7 +186,7 @@ fn exact_mean(tile: &Tile, shaded: bool, reference: &Reference<'_>) -> Option<[f
         return None;
     }
     let mut mean = [0.0; 3];
-    for (emitter, exitance) in reference.emitters() {
+    for (emitter, exitance) in &reference.emitters {
         let exchange_area = reference.exchange_area(tile, shaded, emitter)?;
         for c in 0..3 {
             mean[c] += exitance[c] * exchange_area / area;

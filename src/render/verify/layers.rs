@@ -61,7 +61,7 @@ impl Judged {
 
 impl<'a> Layers<'a> {
     pub(super) fn new(image: &'a Image, reference: &Reference<'_>) -> Result<Self, VerifyError> {
-        let is_field = reference.attributes().field.is_some();
+        let is_field = reference.attributes.field.is_some();
         let rgb = |prefix| triple(image, channel_names(prefix, RGB));
         // The form factors of a field are one channel, used for all three.
         let (direct, light, noise) = if is_field {
@@ -105,7 +105,7 @@ impl<'a> Layers<'a> {
     fn how_checked(&self, reference: &Reference<'_>, (error, variance): (bool, bool)) -> Vec<LayerReport> {
         let is_field = self.light.is_none();
         let noise = if is_field { "error" } else { "direct_error" };
-        let irradiance = if reference.nothing_reflects() {
+        let irradiance = if reference.nothing_reflects {
             LayerCheck::OtherLayers
         } else {
             LayerCheck::Bounds
@@ -183,7 +183,7 @@ impl<'a> Layers<'a> {
             if let Some((exitance, reflectance)) = shown.material {
                 judged.inconsistent |= !close(b, exitance[c] + reflectance[c] * h);
             }
-            judged.inconsistent |= reference.nothing_reflects() && !close(h, value(&self.direct, c));
+            judged.inconsistent |= reference.nothing_reflects && !close(h, value(&self.direct, c));
         }
         if let Some((exact, offset)) = shown.irradiance {
             for c in 0..3 {
@@ -246,11 +246,11 @@ impl<'a> Layers<'a> {
             Centre::Nothing => return self.shows_nothing(index),
             Centre::Face { face, point, slack, .. } => (face, point, slack),
         };
-        let plate = &reference.plates()[face as usize];
+        let plate = &reference.plates[face as usize];
         let depth = sheet.view.map_or(0.0, |(eye, axis)| axis.dot(point - eye));
         let is_at = |c: usize| Rounding::F32.allows(f64::from(self.position[c][index]), point[c], slack);
         // Normals may be stored as f16 even in a field, whose form factors are not.
-        let halved = Rounding::of(reference.attributes().pixels);
+        let halved = Rounding::of(reference.attributes.pixels);
         let looks = |normal: &Triple<'_>, c: usize| halved.allows(f64::from(normal[c][index]), plate.normal[c], 1e-9);
         (0..3).all(is_at)
             && self.normal.is_none_or(|normal| (0..3).all(|c| looks(&normal, c)))

@@ -32,7 +32,7 @@ pub(super) struct Limits {
 impl Limits {
     /// Returns the bounds of a scene; `error` is the error of the solution that the image states.
     pub(super) fn new(reference: &Reference<'_>, error: Option<[&[f32]; 3]>) -> Self {
-        let attributes = reference.attributes();
+        let attributes = reference.attributes;
         let records = || attributes.surfaces.iter().flat_map(|surface| &surface.polygons);
         let most = |of: &dyn Fn(&PolygonRecord) -> f64| records().map(of).fold(0.0, f64::max);
         let brightest = [0, 1, 2].map(|c| most(&|record| record.exitance[c]));
@@ -57,7 +57,7 @@ impl Limits {
             });
             let own = match stated {
                 Some(errors) => (1.0 + STATED) * furnace + errors[c],
-                None if reference.nothing_reflects() => furnace,
+                None if reference.nothing_reflects => furnace,
                 None => UNSTATED * furnace,
             };
             // Methods that count direct light twice do so in the irradiance as well.
@@ -65,7 +65,7 @@ impl Limits {
         });
         let slack = [0, 1, 2].map(|c| match stated {
             Some(errors) => STATED * brightest[c] + errors[c],
-            None if reference.nothing_reflects() => 0.0,
+            None if reference.nothing_reflects => 0.0,
             None => UNSTATED_BELOW * brightest[c],
         });
         Self {

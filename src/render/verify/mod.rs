@@ -175,7 +175,7 @@ pub fn verify_image(image: &Image, attributes: &Attributes) -> Result<VerifyRepo
         tolerance: Tolerance {
             false_alarm: FALSE_ALARM,
             n_comparisons: n_checks + 3 * (n_strips + n_walls + 1),
-            n_rays: reference.n_rays(),
+            n_rays: reference.n_rays,
             n_effective: reference.n_effective(),
             max_statistical: tally.max_parts[0],
             max_offset: tally.max_parts[1],
@@ -202,7 +202,7 @@ fn perspective_sheet(
 /// Returns the number of samples of each pixel of a perspective image, if it varies.
 fn n_samples<'a>(image: &'a Image, reference: &Reference<'_>) -> Result<Option<&'a [u32]>, VerifyError> {
     const LAYER: &str = "pixel_samples";
-    let attributes = reference.attributes();
+    let attributes = reference.attributes;
     let samples = PixelSamples::new(&attributes.render, &attributes.view);
     if !samples.is_adaptive() {
         return Ok(None);
@@ -221,10 +221,6 @@ fn check_light(attributes: &Attributes) -> Result<(), VerifyError> {
     if ["sun", "sky_irradiance"].iter().any(is_given) {
         return Err(VerifyError::Daylight);
     }
-    check_polygons(attributes)
-}
-
-fn check_polygons(attributes: &Attributes) -> Result<(), VerifyError> {
     let mut polygons = attributes.surfaces.iter().flat_map(|surface| &surface.polygons);
     if polygons.any(|record| record.corners.len() < 3) {
         return Err(VerifyError::BadScene(

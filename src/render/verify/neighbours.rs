@@ -24,7 +24,7 @@ const MIN_COUNT: f64 = 30.0;
 pub(super) fn narrow(sheet: &Sheet, judged: &mut [Judged], reference: &Reference<'_>) {
     let (columns, rows) = (sheet.width, sheet.height());
     let side = 2 * REACH + 1;
-    if reference.n_rays() == 0 || columns < side || rows < side {
+    if reference.n_rays == 0 || columns < side || rows < side {
         return;
     }
     // For each checked pixel the error, and the plane if it shows only one.

@@ -29,22 +29,22 @@ const UNTOLD: f64 = 0.01;
 
 /// The scene of an image, prepared for closed forms.
 pub(super) struct Reference<'a> {
-    attributes: &'a Attributes,
+    pub(super) attributes: &'a Attributes,
     /// All faces: surface by surface, in file order.
-    plates: Vec<Plate>,
-    emitters: Vec<(Plate, [f64; 3])>,
+    pub(super) plates: Vec<Plate>,
+    pub(super) emitters: Vec<(Plate, [f64; 3])>,
     /// The largest exitance per channel.
     brightest: [f64; 3],
     /// The sum of all exitances per channel.
     total: [f64; 3],
-    nothing_reflects: bool,
+    pub(super) nothing_reflects: bool,
     size: Size,
     /// The length below which geometry is rounding, in m.
     slack: f64,
     /// The greatest distance, by the rounding of their corners, of faces that were meant to touch, in m.
     touching: f64,
     /// The number of rays per pixel; 0 where the direct pass has no noise at an unoccluded point.
-    n_rays: u64,
+    pub(super) n_rays: u64,
     n_effective: f64,
     /// True if the image's method is exact where an emitter is partially visible.
     knows_penumbras: bool,
@@ -98,10 +98,6 @@ impl<'a> Reference<'a> {
         Rounding::of(if is_field { Pixels::F32 } else { self.attributes.pixels })
     }
 
-    pub(super) fn n_rays(&self) -> u64 {
-        self.n_rays
-    }
-
     pub(super) fn n_effective(&self) -> f64 {
         if self.n_rays > 0 { self.n_effective } else { 0.0 }
     }
@@ -113,23 +109,6 @@ impl<'a> Reference<'a> {
         } else {
             0.0
         }
-    }
-
-    pub(super) fn nothing_reflects(&self) -> bool {
-        self.nothing_reflects
-    }
-
-    pub(super) fn attributes(&self) -> &'a Attributes {
-        self.attributes
-    }
-
-    /// Returns all faces: surface by surface, in file order.
-    pub(super) fn plates(&self) -> &[Plate] {
-        &self.plates
-    }
-
-    pub(super) fn emitters(&self) -> &[(Plate, [f64; 3])] {
-        &self.emitters
     }
 
     /// Returns the area of a tile's surface, in m².

@@ -5,12 +5,10 @@ use glam::DVec3;
 use super::clear_view::Plate;
 use super::size::Size;
 use super::tolerance::{LEAK, divergence, effective_samples};
-use crate::geometry::clip::clip_to_half_space;
-use crate::geometry::polygon;
-use crate::geometry::sampling::{PointStream, Sequence, UniformOnPolygon};
+use crate::geometry::sampling::{PointStream, Sequence};
 use crate::render::attributes::SurfaceRecord;
 use crate::render::attributes::{Attributes, PolygonRecord};
-use crate::render::direct::{DirectMethod, EDGE_OFFSETS, Inset, edge_distance};
+use crate::render::direct::{DirectMethod, Target, away_from_edges};
 use crate::render::samples::PixelSamples;
 
 /// The distance, as a share of the scene's size, at which a ray in f32 (6e-8) may pass an occluder's edge on either side.
@@ -30,13 +28,6 @@ pub(super) struct ShadowRays {
     /// The number of streams of one pixel.
     n_streams: u64,
     targets: Vec<Target>,
-}
-
-/// An emitter as a target of rays.
-struct Target {
-    corners: Vec<DVec3>,
-    normal: DVec3,
-    points: UniformOnPolygon,
 }
 
 /// A point from which rays start.
@@ -88,15 +79,6 @@ impl ShadowRays {
             return None;
         };
         let offset = attributes.ray_offset;
-        let target = |corners: &[DVec3]| {
-            let inset = Inset::new(corners, EDGE_OFFSETS * offset);
-            let inside: Vec<DVec3> = corners.iter().map(|&v| inset.apply(v)).collect();
-            Target {
-                normal: polygon::area_vector(corners).normalize_or_zero(),
-                points: UniformOnPolygon::new(&inside),
-                corners: corners.to_vec(),
-            }
-        };
         let faces = || own.polygons.iter().filter(|polygon| polygon.emits());
         if faces().any(|face| !(3..=4).contains(&face.corners.len())) {
             return None;
@@ -109,7 +91,7 @@ impl ShadowRays {
             offset,
             margin: SHIFT * size.extent + size.rounding() + touching,
             n_streams: PixelSamples::new(&attributes.render, &attributes.view).n_streams(),
-            targets: faces().map(|face| target(&face.corners)).collect(),
+            targets: faces().map(|face| Target::new(face.corners.clone(), offset)).collect(),
         })
     }
 
@@ -129,22 +111,13 @@ impl ShadowRays {
         let target = &self.targets[k];
         let mut stream = PointStream::new(self.sequence, self.seed, start.stream);
         stream.skip(start.n_before * u64::from(self.n));
-        let mut foot = point;
-        if edge_distance(start.face, point) < self.offset {
-            foot = Inset::new(start.face, EDGE_OFFSETS * self.offset).apply(point);
-        }
+        let foot = away_from_edges(start.face, point, self.offset);
         // Rounding decides which of two faces contains a point on their common edge.
         let margin = self.margin + (foot - point).length();
         let origin = foot + normal * self.offset;
-        let weight = |to: DVec3| {
-            let r = to - point;
-            normal.dot(r).max(0.0) * -target.normal.dot(r) / r.length_squared().powi(2)
-        };
         let mut sums = Sums::default();
         for _ in 0..self.n {
-            let [u, v, ..] = stream.next_point();
-            let to = target.points.point(u, v);
-            let weight = weight(to);
+            let (to, weight) = target.next_end(&mut stream, point, normal);
             if weight > 0.0 {
                 let met = first_met(origin, to + target.normal * self.offset, occluders, margin);
                 sums.add(weight, met, exact);
@@ -152,8 +125,7 @@ impl ShadowRays {
         }
         if sums.total <= 0.0 {
             // All points are below the horizon, but a part of the face is above it.
-            let above = clip_to_half_space(&target.corners, point, normal);
-            let to = above.iter().sum::<DVec3>() / above.len() as f64;
+            let to = target.middle_above(point, normal);
             sums.add(
                 1.0,
                 first_met(origin, to + target.normal * self.offset, occluders, margin),

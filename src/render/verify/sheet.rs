@@ -63,7 +63,7 @@ impl Sheet {
             .map_err(|error| VerifyError::BadCamera(error.to_string()))?;
         let (columns, rows) = (width as usize, height as usize);
         let faces = Faces::new(reference, camera.eye());
-        let attributes = reference.attributes();
+        let attributes = reference.attributes;
         let samples = PixelSamples::new(&attributes.render, &attributes.view);
         let ray = |x: f64, y: f64| camera.primary_ray(x, y, width, height).1;
         let blocks: Vec<[usize; 2]> = (0..rows.div_ceil(BLOCK_SIDE))
@@ -173,7 +173,7 @@ impl Eye<'_> {
         }
         let mut albedo = [0.0; 3];
         for &face in fronts.iter().flatten() {
-            let (_, reflectance) = self.faces.material(face);
+            let (_, reflectance) = self.faces.owners[face].material;
             albedo
                 .iter_mut()
                 .zip(reflectance)
@@ -181,9 +181,9 @@ impl Eye<'_> {
         }
         PixelAnswer::Surface(Box::new(Shown {
             albedo: Some(albedo),
-            surface: common(&fronts, |face| self.faces.surface(face)),
-            plane: common(&fronts, |face| self.faces.plane(face)),
-            material: common(&fronts, |face| self.faces.material(face)),
+            surface: common(&fronts, |face| self.faces.owners[face].surface),
+            plane: common(&fronts, |face| self.faces.owners[face].plane),
+            material: common(&fronts, |face| self.faces.owners[face].material),
             irradiance: light.irradiance(),
             shaded: light.shaded,
             drawn: light.drawn(),

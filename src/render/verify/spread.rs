@@ -32,7 +32,7 @@ pub(super) fn of<'a>(
     log_odds: f64,
 ) -> Spread {
     let mut channels = [Spread::default(); 3];
-    if reference.n_rays() > 0 {
+    if reference.n_rays > 0 {
         for (answer, judged) in pixels {
             let Some((exact, _)) = answer.irradiance() else {
                 continue;
@@ -51,7 +51,7 @@ pub(super) fn of<'a>(
     }
     for spread in &mut channels {
         spread.limit = spread.n + 2.0 * (spread.n * log_odds).sqrt() + 2.0 * log_odds;
-        spread.worth = reference.n_effective() / reference.n_rays().max(1) as f64;
+        spread.worth = reference.n_effective() / reference.n_rays.max(1) as f64;
     }
     let ratio = |spread: &Spread| if spread.n > 0.0 { spread.sum / spread.limit } else { 0.0 };
     let worst = (0..3).max_by(|&a, &b| ratio(&channels[a]).total_cmp(&ratio(&channels[b])));

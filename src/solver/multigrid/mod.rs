@@ -179,9 +179,7 @@ impl Solver for Multigrid {
     }
 
     fn solve(&self, system: &RadiositySystem, options: &SolveOptions, monitor: Monitor<'_>) -> SolveResult {
-        let Some(rows) = system.operator().rows() else {
-            return Err(SolverError::NeedsRows { solver: self.name() });
-        };
+        let rows = system.rows_for(self.name())?;
         let scaled = Scaled::new(system);
         let dark = (0..system.n_channels()).all(|c| scaled.is_dark(c));
         let start = Instant::now();
@@ -319,16 +317,7 @@ impl Iteration for Cycles<'_> {
 
 /// Returns the largest absolute value.
 fn largest(values: &[f64]) -> f64 {
-    // Several at a time, which are independent.
-    let (chunks, rest) = values.as_chunks::<8>();
-    let mut greatest = [0.0_f64; 8];
-    for chunk in chunks {
-        for (greatest, value) in greatest.iter_mut().zip(chunk) {
-            *greatest = value.abs().max(*greatest);
-        }
-    }
-    let all = greatest.iter().chain(rest);
-    all.fold(0.0, |largest, value| value.abs().max(largest))
+    values.iter().fold(0.0, |largest, value| value.abs().max(largest))
 }
 
 /// Returns the effect, in each channel, of a sweep from `old` to `new` that found the residuals `met`.
@@ -366,12 +355,7 @@ fn lit_patches(scaled: &Scaled) -> Vec<Vec<f64>> {
 
 /// Returns the channels of a block one after the other.
 fn channels(block: &Block) -> Vec<Vec<f64>> {
-    let n_channels = block.n_channels();
-    if n_channels == 1 {
-        return vec![block.values().to_vec()];
-    }
-    let channel = |c: usize| block.values().iter().skip(c).step_by(n_channels).copied().collect();
-    (0..n_channels).map(channel).collect()
+    (0..block.n_channels()).map(|c| block.channel(c)).collect()
 }
 
 /// The factor by which residuals after a cycle scatter around the forecast of the cycles before.

@@ -7,9 +7,7 @@ use std::path::{Path, PathBuf};
 
 use radiosity::form_factor::registry::{METHODS, method};
 use radiosity::form_factor::{Input, MethodSettings, RAYS, RESOLUTION};
-use radiosity::matrix::{
-    FormFactors, Layout, MatrixError, Precision, RayWeights, RowTally, RowTile, StorageChoice, Weighting,
-};
+use radiosity::matrix::{FormFactors, Layout, MatrixError, Precision, RayWeights, RowTally, RowTile, StorageChoice};
 use radiosity::mesh::{Mesh, Subdivision};
 use radiosity::progress::Silent;
 use radiosity::report::ReportError;
@@ -267,7 +265,7 @@ fn symmetric_form_factors_come_back_symmetric() {
     let (scene, mesh) = cube(5);
     for density in [0.02, 0.9] {
         for (precision, unit) in [(Precision::F64, f64::EPSILON), (Precision::F32, f32::EPSILON.into())] {
-            let factors = random(&mesh, density, precision).symmetrised(Weighting::Plain).unwrap();
+            let factors = random(&mesh, density, precision).symmetrised().unwrap();
             write(&path, (&scene, &mesh), &factors).unwrap();
             let again = read(&path, &mesh).unwrap();
             assert!(again.is_symmetric());
@@ -311,7 +309,7 @@ impl Sound {
         let (scene, mesh) = cube(2);
         let mut factors = random(&mesh, density, Precision::F64);
         if symmetric {
-            factors = factors.symmetrised(Weighting::Plain).unwrap();
+            factors = factors.symmetrised().unwrap();
         }
         // Full matrices in full, so that both layouts are tried.
         write_as(&path, (&scene, &mesh), &factors, density > 0.5).unwrap();

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Command;
 
 use radiosity::matrix::operator::{Block, LinearOperator};
-use radiosity::matrix::{FormFactors, StorageChoice, Weighting};
+use radiosity::matrix::{FormFactors, StorageChoice};
 use radiosity::mesh::{Mesh, Subdivision};
 use radiosity::report::ReportError;
 use radiosity::report::form_factors::{FormFactorFile, FormFactorReport};
@@ -205,7 +205,7 @@ fn an_array_is_read_back_with_its_description() {
         for (a, b) in dense(&again).concat().iter().zip(dense(&case.factors).concat()) {
             assert!((a - b).abs() <= 4e-16 * b);
         }
-        case.factors = case.factors.symmetrised(Weighting::Plain).unwrap();
+        case.factors = case.factors.symmetrised().unwrap();
     }
     let whole = std::fs::read(&path).unwrap();
     let refused = |bytes: &[u8]| {
@@ -280,7 +280,7 @@ fn python_loads_every_format() {
         let directory = tempfile::tempdir().unwrap();
         let mut case = Case::new(density);
         if symmetric {
-            case.factors = case.factors.symmetrised(Weighting::Plain).unwrap();
+            case.factors = case.factors.symmetrised().unwrap();
         }
         let nonzero = (0..24 * 24)
             .find(|k| k / 24 > 3 && case.factors.get(k / 24, k % 24) > 0.0)

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use radiosity::matrix::operator::{Block, LinearOperator};
 use radiosity::matrix::{
-    DiskError, FormFactors, Layout, MatrixError, Place, Precision, RowTally, RowTile, Scratch, StorageChoice, Weighting,
+    DiskError, FormFactors, Layout, MatrixError, Place, Precision, RowTally, RowTile, Scratch, StorageChoice,
 };
 use radiosity::solver::registry::SOLVERS;
 use radiosity::solver::{RadiositySystem, Solution, SolveOptions, SolverError};
@@ -91,7 +91,7 @@ fn rows_on_a_disk_are_solved_repaired_and_checked_like_rows_in_memory() {
         // Sums over 150 terms in another order.
         assert!(relative_difference(&a, &b) < 1e-13);
         let repaired = |f: &FormFactors| {
-            let symmetric = f.symmetrised(Weighting::default()).unwrap();
+            let symmetric = f.symmetrised().unwrap();
             symmetric.balanced(&vec![0.5; n], 1e-12, 200).unwrap().0
         };
         let (in_memory, on_a_disk) = (repaired(&memory), repaired(&disk));

@@ -7,7 +7,7 @@
 )]
 
 use radiosity::matrix::operator::{Block, LinearOperator};
-use radiosity::matrix::{FormFactors, Layout, MatrixError, Precision, RowTally, RowTile, StorageChoice, Weighting};
+use radiosity::matrix::{FormFactors, Layout, MatrixError, Precision, RowTally, RowTile, StorageChoice};
 
 use crate::support::{
     LewisRoom, Uniform, all_storages, bits, dense, matrix, random_room, random_rows, relative_error, shoot,
@@ -20,7 +20,7 @@ fn symmetrised_exchange_areas_are_equal_to_the_last_bit() {
     for choice in all_storages() {
         let f = FormFactors::from_tiles(areas.to_vec(), tiles(&random_rows(4, 0.8, 10), 2), choice).unwrap();
         assert!(f.reciprocal_areas().is_none());
-        let symmetric = f.symmetrised(Weighting::Plain).unwrap();
+        let symmetric = f.symmetrised().unwrap();
         assert_eq!(bits(symmetric.reciprocal_areas().unwrap()), bits(&areas));
         for i in 0..4 {
             for j in 0..4 {
@@ -46,7 +46,7 @@ fn better_estimates_count_more() {
         tile.push_row(&[(1, entries[0].0, entries[0].1)], tallies[0]);
         tile.push_row(&[(0, entries[1].0, entries[1].1)], tallies[1]);
         let f = FormFactors::from_tiles(vec![2.0, 1.0], [tile], StorageChoice::default()).unwrap();
-        let symmetric = f.symmetrised(Weighting::InverseVariance).unwrap();
+        let symmetric = f.symmetrised().unwrap();
         (2.0 * symmetric.get(0, 1), 2.0 * symmetric.std_error(0, 1))
     };
     let near = |(a, e): (f64, f64), exchange: f64, std_error: f64| {
@@ -82,7 +82,7 @@ fn the_mean_of_counts_is_not_biased() {
     let (n_runs, mut sum, mut squares) = (200, 0.0, 0.0);
     for _ in 0..n_runs {
         let f = shoot(&probabilities, room.areas(), 40, &mut uniform);
-        let symmetric = f.symmetrised(Weighting::InverseVariance).unwrap();
+        let symmetric = f.symmetrised().unwrap();
         let total: f64 = (0..20).map(|i| room.areas()[i] * symmetric.row_sum(i)).sum();
         sum += total;
         squares += total * total;
@@ -113,7 +113,7 @@ fn balance_gives_the_rows_their_sums() {
             row.iter_mut().zip(&areas).for_each(|(f, a)| *f *= a / areas[i].max(*a));
         }
         let f = FormFactors::from_tiles(areas.clone(), tiles(&rows, 7), storage(layout, Precision::F64)).unwrap();
-        let f = f.symmetrised(Weighting::Plain).unwrap();
+        let f = f.symmetrised().unwrap();
         let targets: Vec<f64> = (0..n).map(|i| if i % 3 == 0 { 0.6 } else { 1.0 }).collect();
         let (balanced, report) = f.balanced(&targets, 1e-12, 2000).unwrap();
         assert!(
@@ -150,7 +150,7 @@ fn balance_adds_the_steps_that_it_makes_to_errors() {
         tile.push_row(&entries, RowTally::default());
     }
     let rows = FormFactors::from_tiles(vec![1.0; n], [tile], StorageChoice::default()).unwrap();
-    let room = rows.symmetrised(Weighting::Plain).unwrap();
+    let room = rows.symmetrised().unwrap();
     let (balanced, report) = room.balanced(&vec![0.8; n], 1e-12, 1000).unwrap();
     assert!(report.converged);
     for i in 0..n {
@@ -170,10 +170,7 @@ fn balance_adds_the_steps_that_it_makes_to_errors() {
 fn balance_says_what_it_cannot_do() {
     let plates = |areas: [f64; 2]| {
         let f = matrix(&areas, &[vec![0.0, 0.1], vec![0.1, 0.0]]);
-        f.symmetrised(Weighting::Plain)
-            .unwrap()
-            .balanced(&[1.0; 2], 1e-12, 100)
-            .unwrap()
+        f.symmetrised().unwrap().balanced(&[1.0; 2], 1e-12, 100).unwrap()
     };
     let (equal, report) = plates([2.0, 2.0]);
     assert!(report.converged && (equal.get(0, 1) - 1.0).abs() < 1e-12);
@@ -189,7 +186,7 @@ fn balance_says_what_it_cannot_do() {
         lonely.balanced(&[1.0; 3], 1e-12, 10).unwrap_err(),
         MatrixError::NotSymmetric
     );
-    let lonely = lonely.symmetrised(Weighting::Plain).unwrap();
+    let lonely = lonely.symmetrised().unwrap();
     let (balanced, report) = lonely.balanced(&[1.0; 3], 1e-12, 100).unwrap();
     assert!(report.converged && report.n_empty_rows == 1);
     assert_eq!(bits(&[balanced.row_sum(2)]), [0]);
@@ -202,12 +199,12 @@ fn balance_says_what_it_cannot_do() {
 #[test]
 fn balanced_noise_gives_better_light_than_symmetrised_noise() {
     let lewis = LewisRoom::new(2);
-    let f = matrix(&lewis.areas, &lewis.rows).symmetrised(Weighting::Plain).unwrap();
+    let f = matrix(&lewis.areas, &lewis.rows).symmetrised().unwrap();
     let n = lewis.areas.len();
     let (room, report) = f.balanced(&vec![1.0; n], 1e-13, 1000).unwrap();
     assert!(report.converged);
     let noisy = shoot(&dense(&room), &lewis.areas, 200, &mut Uniform(15));
-    let symmetric = noisy.symmetrised(Weighting::InverseVariance).unwrap();
+    let symmetric = noisy.symmetrised().unwrap();
     let (balanced, report) = symmetric.balanced(noisy.row_targets(true), 1e-12, 1000).unwrap();
     assert!(report.converged);
     let reflectance = Block::from_values(vec![0.999; n], 1);
@@ -244,7 +241,7 @@ fn counted(areas: &[f64], hits: &[Vec<u32>], n_rays: u64) -> FormFactors {
 #[test]
 fn a_patch_that_all_rays_missed_is_still_seen() {
     let raw = counted(&[1.0, 0.01], &[vec![0, 0], vec![53, 0]], 4096);
-    let symmetric = raw.symmetrised(Weighting::default()).unwrap();
+    let symmetric = raw.symmetrised().unwrap();
     let targets = raw.row_targets(false);
     for (name, (repaired, report)) in [
         ("balanced", symmetric.balanced(&targets, 1e-10, 200).unwrap()),
@@ -272,7 +269,7 @@ fn a_patch_that_all_rays_missed_is_still_seen() {
 #[test]
 fn rows_that_contradict_each_other_are_reconciled() {
     let raw = counted(&[1.0; 2], &[vec![0, 819], vec![822, 0]], 4096);
-    let symmetric = raw.symmetrised(Weighting::default()).unwrap();
+    let symmetric = raw.symmetrised().unwrap();
     let (balanced, report) = symmetric.balanced(raw.row_targets(false), 1e-10, 200).unwrap();
     assert!(report.converged, "{report:?}");
     assert!((balanced.row_sum(0) - 820.5 / 4096.0).abs() < 1e-6);
@@ -289,7 +286,7 @@ fn rows_that_contradict_each_other_are_reconciled() {
 fn balanced_noise_gives_better_light_in_an_open_room_too() {
     let lewis = LewisRoom::new(2);
     let n = lewis.areas.len();
-    let f = matrix(&lewis.areas, &lewis.rows).symmetrised(Weighting::Plain).unwrap();
+    let f = matrix(&lewis.areas, &lewis.rows).symmetrised().unwrap();
     let (room, _) = f.balanced(&vec![1.0; n], 1e-13, 1000).unwrap();
     // Every seventh patch is a window.
     let kept: Vec<usize> = (0..n).filter(|i| i % 7 != 3).collect();
@@ -312,7 +309,7 @@ fn balanced_noise_gives_better_light_in_an_open_room_too() {
             .map(|&i| kept.iter().map(|&j| count(i, j)).collect())
             .collect();
         let raw = counted(&areas, &hits, n_rays);
-        let symmetric = raw.symmetrised(Weighting::default()).unwrap();
+        let symmetric = raw.symmetrised().unwrap();
         let (balanced, report) = symmetric.balanced(raw.row_targets(false), 1e-10, 200).unwrap();
         assert!(report.converged, "{seed} {report:?}");
         for (sum, f) in errors.iter_mut().zip([&raw, &symmetric, &balanced]) {
@@ -461,7 +458,7 @@ fn pooled_rows_keep_their_sums_and_borrow_where_the_reverse_is_better() {
                 .collect()
         })
         .collect();
-    let room = matrix(&areas, &rows).symmetrised(Weighting::Plain).unwrap();
+    let room = matrix(&areas, &rows).symmetrised().unwrap();
     let (room, _) = room.balanced(&vec![1.0; n], 1e-13, 1000).unwrap();
     let (mut to_small, mut equal) = ([0.0; 2], [0.0; 2]);
     for _ in 0..20 {

@@ -3,8 +3,8 @@
 use std::num::NonZeroUsize;
 use std::ops::ControlFlow;
 
+use radiosity::matrix::FormFactors;
 use radiosity::matrix::operator::{Block, LinearOperator};
-use radiosity::matrix::{FormFactors, Weighting};
 use radiosity::solver::{
     self, Chebyshev, Overshooting, ProgressiveRefinement, RadiositySystem, STEPS_PER_PASS, SolveOptions, Solver,
     SolverError, SolverSettings, Sor, SpectrumBounds, Start, StopReason, Tolerance,
@@ -22,7 +22,7 @@ fn even_room(n: usize) -> FormFactors {
 fn mixing_room(areas: &[f64]) -> FormFactors {
     let total: f64 = areas.iter().sum();
     let rows = vec![areas.iter().map(|area| area / total).collect(); areas.len()];
-    matrix(areas, &rows).symmetrised(Weighting::Plain).unwrap()
+    matrix(areas, &rows).symmetrised().unwrap()
 }
 
 /// One patch in the corner of a room emits.
@@ -200,7 +200,7 @@ fn shooting_without_reciprocity() {
 fn the_greatest_power_shoots_first() {
     // Two plates that see half of one another.
     let f = matrix(&[1.0, 1.0], &[vec![0.0, 0.5], vec![0.5, 0.0]])
-        .symmetrised(Weighting::Plain)
+        .symmetrised()
         .unwrap();
     let reflectance = Block::from_values(vec![0.8, 0.4], 1);
     let exitance = Block::from_values(vec![1.0, 3.0], 1);

@@ -7,7 +7,7 @@ use glam::{DQuat, DVec3};
 use radiosity::form_factor::{FormFactorMethod, GaussShooting, Input, RandomShooting};
 use radiosity::geometry::sampling::Sequence;
 use radiosity::matrix::operator::Block;
-use radiosity::matrix::{FormFactors, StorageChoice, Weighting};
+use radiosity::matrix::{FormFactors, StorageChoice};
 use radiosity::mesh::{Mesh, Subdivision};
 use radiosity::progress::Silent;
 use radiosity::scene::builtin;
@@ -91,7 +91,7 @@ fn uniform_light_stays_uniform_in_every_closed_scene() {
             let worst = worst_radiosity(&raw, &["gauss-seidel"]);
             assert!(worst < 1e-11, "{name}, {}: {worst:e}", method.name());
             let (balanced, report) = raw
-                .symmetrised(Weighting::default())
+                .symmetrised()
                 .unwrap()
                 .balanced(raw.row_targets(true), 1e-13, 500)
                 .unwrap();
@@ -130,7 +130,7 @@ fn uniform_light_stays_uniform_with_every_method() {
                 assert!(worst < 1e-11, "{name}, {method}: {worst:e}");
             }
             let (balanced, report) = raw
-                .symmetrised(Weighting::default())
+                .symmetrised()
                 .unwrap()
                 .balanced(raw.row_targets(true), 1e-13, 2000)
                 .unwrap();

@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use radiosity::form_factor::{FormFactorMethod, Input, RandomShooting};
 use radiosity::geometry::sampling::Sequence;
 use radiosity::matrix::operator::Block;
-use radiosity::matrix::{FormFactors, StorageChoice, Weighting};
+use radiosity::matrix::{FormFactors, StorageChoice};
 use radiosity::mesh::{Mesh, Patch, Subdivision};
 use radiosity::progress::Silent;
 use radiosity::scene::builtin;
@@ -225,7 +225,7 @@ fn sphere_room() -> (FormFactors, Block) {
         .unwrap()
         .factors;
     let targets = vec![1.0; mesh.n_patches()];
-    let symmetric = raw.symmetrised(Weighting::default()).unwrap();
+    let symmetric = raw.symmetrised().unwrap();
     let (f, _) = symmetric.balanced(&targets, 1e-12, 500).unwrap();
     let exitance = |patch: &Patch| scene.materials[patch.material.0 as usize].exitance[0];
     let exitance = mesh.patches.iter().map(exitance).collect();

@@ -4,8 +4,8 @@
 
 use std::ops::ControlFlow;
 
+use radiosity::matrix::FormFactors;
 use radiosity::matrix::operator::Block;
-use radiosity::matrix::{FormFactors, Weighting};
 use radiosity::solver::{
     Deflate, HistoryEntry, Pcg, RadiositySystem, SolveOptions, SolverError, SolverSettings, Start, StopReason,
 };
@@ -31,7 +31,7 @@ fn units_do_not_matter() {
             (1e75, 1e300),
         ] {
             let areas: Vec<f64> = f.areas().iter().map(|a| a * length * length).collect();
-            let scaled_f = matrix(&areas, &dense(&f)).symmetrised(Weighting::Plain).unwrap();
+            let scaled_f = matrix(&areas, &dense(&f)).symmetrised().unwrap();
             let scaled_e = exitance.values().iter().map(|e| e * light).collect();
             let scaled_e = Block::from_values(scaled_e, 3);
             let solution = run(solver, &system(&scaled_f, &reflectance, &scaled_e), &l2(1e-6));
@@ -154,7 +154,7 @@ fn darkness_takes_no_pass() {
 #[test]
 fn one_patch() {
     for (f_ii, rho, expected) in [(1.0, 0.75, 4.0), (0.5, 1.0, 2.0), (0.0, 1.0, 1.0)] {
-        let f = matrix(&[2.0], &[vec![f_ii]]).symmetrised(Weighting::Plain).unwrap();
+        let f = matrix(&[2.0], &[vec![f_ii]]).symmetrised().unwrap();
         for solver in all() {
             let solution = run(solver, &system(&f, &constant(1, rho), &constant(1, 1.0)), &l2(1e-12));
             assert_eq!(solution.stop_reason, StopReason::Converged, "{}", solver.name());
@@ -169,7 +169,7 @@ fn one_patch() {
 fn two_rooms() -> FormFactors {
     let row = |j: usize| (0..4).map(|k| f64::from(u8::from(k == j))).collect();
     matrix(&[1.0; 4], &[row(1), row(0), row(3), row(2)])
-        .symmetrised(Weighting::Plain)
+        .symmetrised()
         .unwrap()
 }
 
@@ -243,7 +243,7 @@ fn a_bright_room_does_not_speak_for_a_dim_one() {
                 }
             }
         }
-        matrix(&areas, &rows).symmetrised(Weighting::Plain).unwrap()
+        matrix(&areas, &rows).symmetrised().unwrap()
     };
     let rho = |i: usize| if i < n { 0.5 } else { 0.99 };
     let reflectance = Block::from_values((0..2 * n).map(rho).collect(), 1);
@@ -321,7 +321,7 @@ fn row_sums_above_one_are_found_out() {
         .iter()
         .map(|row| row.iter().map(|f| 1.02 * f).collect())
         .collect();
-    let f = matrix(closed.areas(), &rows).symmetrised(Weighting::Plain).unwrap();
+    let f = matrix(closed.areas(), &rows).symmetrised().unwrap();
     let mut emission = vec![0.0; 40];
     emission[0] = 1.0;
     let exitance = Block::from_values(emission, 1);
@@ -522,7 +522,7 @@ fn a_white_room_without_light_does_no_harm() {
     let rows: Vec<Vec<f64>> = (0..2 * n)
         .map(|i| (0..2 * n).map(|j| in_room(i, j) * (1.0 + 3e-8)).collect())
         .collect();
-    let f = matrix(&vec![1.0; 2 * n], &rows).symmetrised(Weighting::Plain).unwrap();
+    let f = matrix(&vec![1.0; 2 * n], &rows).symmetrised().unwrap();
     let mut exitance = vec![0.0; 2 * n];
     exitance[3] = 1.0;
     let reflectance = Block::from_values((0..2 * n).map(|i| rho[i / n]).collect(), 1);
@@ -571,7 +571,7 @@ fn light_is_accounted_for() {
         .iter()
         .map(|row| row.iter().map(|f| 0.8 * f).collect())
         .collect();
-    let open = matrix(closed.areas(), &open).symmetrised(Weighting::Plain).unwrap();
+    let open = matrix(closed.areas(), &open).symmetrised().unwrap();
     let (reflectance, exitance) = random_materials(40, 0.95, 36);
     for f in [&closed, &open] {
         let system = system(f, &reflectance, &exitance);
@@ -711,7 +711,7 @@ fn exact_sum(terms: &[f64]) -> f64 {
 #[test]
 fn a_negative_answer_without_a_residual_ends_it() {
     let f = matrix(&[1.0; 2], &[vec![0.0, 32.0], vec![32.0, 0.0]])
-        .symmetrised(Weighting::Plain)
+        .symmetrised()
         .unwrap();
     let exitance = Block::from_values(vec![100.0, 0.0], 1);
     let system = system(&f, &constant(2, 0.5), &exitance);

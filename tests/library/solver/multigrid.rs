@@ -7,7 +7,7 @@ use std::sync::Arc;
 use radiosity::form_factor::{FormFactorMethod, Input, RandomShooting};
 use radiosity::geometry::sampling::Sequence;
 use radiosity::matrix::operator::Block;
-use radiosity::matrix::{FormFactors, StorageChoice, Weighting};
+use radiosity::matrix::{FormFactors, StorageChoice};
 use radiosity::mesh::hierarchy::FaceShape;
 use radiosity::mesh::{Hierarchy, Mesh, Patch, Prolongation, Subdivision};
 use radiosity::progress::Silent;
@@ -289,11 +289,7 @@ fn room(name: &str, n: u32) -> Room {
         .unwrap()
         .factors;
     let targets = raw.row_targets(topology::is_watertight(&scene));
-    let (f, _) = raw
-        .symmetrised(Weighting::default())
-        .unwrap()
-        .balanced(&targets, 1e-12, 200)
-        .unwrap();
+    let (f, _) = raw.symmetrised().unwrap().balanced(&targets, 1e-12, 200).unwrap();
     let collect = |value: fn(&Material) -> [f64; 3]| {
         let of_patch = |patch: &Patch| value(&scene.materials[patch.material.0 as usize]);
         Block::from_values(mesh.patches.iter().flat_map(of_patch).collect(), 3)
@@ -435,7 +431,7 @@ fn thousands_of_patches_alone_are_no_work() {
     }
     let n = n_room + n_alone;
     let f = FormFactors::from_tiles(vec![1.0; n], [tile], StorageChoice::default()).unwrap();
-    let f = f.symmetrised(Weighting::Plain).unwrap();
+    let f = f.symmetrised().unwrap();
     let mut exitance = vec![0.0; n];
     (exitance[3], exitance[n - 1]) = (1.0, 0.5);
     let exitance = Block::from_values(exitance, 1);

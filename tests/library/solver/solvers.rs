@@ -4,7 +4,6 @@
 
 use std::ops::ControlFlow;
 
-use radiosity::matrix::Weighting;
 use radiosity::matrix::operator::{Block, LinearOperator};
 use radiosity::solver::{HistoryEntry, Solution, SolveOptions, Solver, SolverError, Start, StopReason, Tolerance};
 
@@ -190,7 +189,7 @@ fn lewis_room() {
 fn the_error_bound_holds_and_is_not_far_off() {
     let lewis = LewisRoom::new(2);
     let lewis_f = lewis.form_factors();
-    let repaired = lewis_f.symmetrised(Weighting::Plain).unwrap();
+    let repaired = lewis_f.symmetrised().unwrap();
     let (repaired, _) = repaired.balanced(&[1.0; 96], 1e-13, 1000).unwrap();
     let room = random_room(40, 0.01, 6);
     let (reflectance, exitance) = random_materials(40, 0.9, 7);

@@ -33,7 +33,7 @@ fn room() -> (Prepared, Block, Block) {
 fn solved(factors: &FormFactors, rho: &Block, exitance: &Block) -> (Vec<f64>, Vec<f64>) {
     // The solver's own error is far below that of the form factors.
     let solution = run(by_name("gauss-seidel"), &system(factors, rho, exitance), &l2(1e-12));
-    let error = carried_error(factors, rho, exitance, &solution).unwrap();
+    let error = carried_error(factors, (rho, exitance), None, &solution).unwrap();
     (solution.radiosity.values().to_vec(), error.values().to_vec())
 }
 
@@ -125,7 +125,7 @@ fn what_cannot_be_solved_has_no_stated_error() {
     };
     let solution = run(by_name("gauss-seidel"), &system(&factors, &white, &exitance), &few);
     assert_ne!(solution.stop_reason, StopReason::Converged);
-    let error = carried_error(&factors, &white, &exitance, &solution).unwrap();
+    let error = carried_error(&factors, (&white, &exitance), None, &solution).unwrap();
     assert!(error.values().iter().all(|e| e.is_infinite()), "{:?}", error.values());
 }
 
@@ -146,7 +146,7 @@ fn the_rounding_of_what_is_stored_is_stated() {
         let light = |f: &FormFactors| run(by_name("direct"), &system(f, &rho, &exitance), &l2(1e-9));
         let (truth, found) = (light(&wide), light(&narrow));
         assert_eq!(found.stop_reason, StopReason::Converged);
-        let stated = carried_error(&narrow, &rho, &exitance, &found).unwrap();
+        let stated = carried_error(&narrow, (&rho, &exitance), None, &found).unwrap();
         for i in 0..n {
             let off = (found.radiosity.row(i)[0] - truth.radiosity.row(i)[0]).abs();
             let (stated, right) = (stated.row(i)[0], truth.radiosity.row(i)[0]);

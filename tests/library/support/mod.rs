@@ -11,9 +11,7 @@ use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use radiosity::matrix::operator::Block;
-use radiosity::matrix::{
-    Entry, FormFactors, Layout, Place, Precision, RowTally, RowTile, Scratch, StorageChoice, Weighting,
-};
+use radiosity::matrix::{Entry, FormFactors, Layout, Place, Precision, RowTally, RowTile, Scratch, StorageChoice};
 
 /// A small generator of uniform numbers in [0, 1): SplitMix64.
 pub(crate) struct Uniform(pub(crate) u64);
@@ -65,7 +63,7 @@ pub(crate) fn random_room(n: usize, area_min: f64, seed: u64) -> FormFactors {
     let areas: Vec<f64> = (0..n).map(|_| area_min.powf(uniform.next())).collect();
     let mut entry = |i: usize, j: usize| uniform.next() * areas[j] / areas[i].max(areas[j]);
     let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
-    let symmetric = matrix(&areas, &rows).symmetrised(Weighting::Plain).expect("finite");
+    let symmetric = matrix(&areas, &rows).symmetrised().expect("finite");
     let (room, report) = symmetric.balanced(&vec![1.0; n], 1e-14, 1000).expect("symmetric");
     assert!(report.converged, "{report:?}");
     room

@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::experiment::ExperimentError;
 use crate::form_factor::{Input, MethodSettings, TOLERANCE, method};
 use crate::matrix::operator::Block;
-use crate::matrix::{FormFactors, StorageChoice, Weighting};
+use crate::matrix::{FormFactors, StorageChoice};
 use crate::mesh::{Mesh, Subdivision};
 use crate::progress::Progress;
 use crate::scene::{builtin, topology};
@@ -77,7 +77,7 @@ impl Model {
         let computed = method(METHOD, &settings).and_then(|m| m.compute(input, StorageChoice::default(), progress));
         let raw = computed.map_err(ExperimentError::FormFactors)?.factors;
         let targets = vec![1.0; mesh.n_patches()];
-        let symmetric = raw.symmetrised(Weighting::default())?;
+        let symmetric = raw.symmetrised()?;
         let (factors, _) = symmetric.balanced(&targets, BALANCE_TOLERANCE, BALANCE_PASSES)?;
         let material = |k: usize| &scene.materials[mesh.patches[k].material.0 as usize];
         let reflectances: Vec<f64> = (0..mesh.n_patches()).map(|k| material(k).reflectance[0]).collect();
