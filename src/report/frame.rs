@@ -23,9 +23,6 @@ pub struct PlotError(String);
 /// The result of the drawing library.
 pub(super) type DrawResult = Result<(), Box<dyn std::error::Error>>;
 
-/// Positions of points, with the text that a browser shows under the mouse.
-pub(super) type Hints = Vec<((i32, i32), String)>;
-
 /// A part of the paper.
 pub(super) type Area<'a> = DrawingArea<Paper<'a>, Shift>;
 
@@ -43,15 +40,16 @@ pub(super) struct Frame<'a> {
     pub(super) root: Area<'a>,
     pub(super) plot: Area<'a>,
     pub(super) legend: Legend<'a>,
-    pub(super) hints: Hints,
-    /// The names in the plot, each with the number of its colour and mark.
-    pub(super) keys: Vec<(String, usize)>,
+    pub(super) notes: Notes,
 }
 
 /// The parts of an SVG that are not drawn.
-struct Notes {
-    hints: Hints,
-    keys: Vec<(String, usize)>,
+#[derive(Default)]
+pub(super) struct Notes {
+    /// Positions of points, with the text that a browser shows under the mouse.
+    pub(super) hints: Vec<((i32, i32), String)>,
+    /// The names in the plot, each with the number of its colour and mark.
+    pub(super) keys: Vec<(String, usize)>,
 }
 
 /// The list of the plot's names, from top to bottom.
@@ -139,20 +137,15 @@ fn sheet<'a>(
     let (_, below) = root.split_vertically(66);
     let (plot, legend) = below.split_horizontally(WIDTH.cast_signed() - LEGEND);
     let legend = Legend { area: legend, y: 16 };
-    let hints = Vec::new();
     let mut frame = Frame {
         root,
         plot,
         legend,
-        hints,
-        keys: Vec::new(),
+        notes: Notes::default(),
     };
     draw(&mut frame)?;
     frame.root.present()?;
-    Ok(Notes {
-        hints: frame.hints,
-        keys: frame.keys,
-    })
+    Ok(frame.notes)
 }
 
 /// Draws axes with a mesh, and returns the chart to draw on.

@@ -1,7 +1,7 @@
 //! Reports of runs, and the files that carry results to other programs.
 
 mod coloured;
-pub mod csv;
+mod csv;
 #[cfg(feature = "reports")]
 pub mod curves;
 mod description;
@@ -31,6 +31,7 @@ mod npz;
 pub mod page;
 #[cfg(feature = "reports")]
 mod paper;
+mod patches;
 #[cfg(feature = "reports")]
 pub mod plot;
 pub mod points;
