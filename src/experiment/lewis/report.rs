@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{Check, LewisResults, SolverLine, density_png, unfolded_png};
 use crate::experiment::ExperimentError;
-use crate::experiment::findings::{FAILED, Files, Findings, PaperDocument, text_file};
+use crate::experiment::findings::{Files, Findings, PaperFindings, text_file};
 use crate::report::curves::{Curve, CurvePlot};
 use crate::report::{Machine, Table, table};
 
@@ -49,22 +49,13 @@ impl LewisResults {
     ///
     /// # Errors
     /// [`ExperimentError`] if a picture or a plot cannot be encoded.
-    pub fn findings(
-        &self,
-        tables: &[u8],
-    ) -> Result<Findings<PaperDocument<'_, Self, Vec<LevelTimes>>>, ExperimentError> {
-        let inside = self.is_met();
+    pub fn findings(&self, tables: &[u8]) -> Result<PaperFindings<'_, Self, Vec<LevelTimes>>, ExperimentError> {
+        let inside = self.checks.iter().all(Check::is_met);
+        let times = self.solvers.iter().map(LevelTimes::from).collect();
+        let printed = report(tables, self, true);
         Ok(Findings {
-            printed: report(tables, self, true),
-            files: files(tables, self)?,
             captions: captions(),
-            document: PaperDocument {
-                machine: Machine::here(),
-                inside,
-                results: self,
-                times: self.solvers.iter().map(LevelTimes::from).collect(),
-            },
-            wrong: (!inside).then(|| FAILED.to_owned()),
+            ..PaperFindings::new(self, times, inside, printed, files(tables, self)?)
         })
     }
 }
@@ -123,7 +114,7 @@ fn report(tables: &[u8], results: &LewisResults, with_times: bool) -> String {
                 text,
                 "Times: medians of {ROUNDS} alternating runs with {} threads on {}, each with one check of the true residual; \"with setup\" adds the restricted matrices. The paper's times are a SPARCstation 2's.",
                 machine.n_threads,
-                machine.cpu_model.as_deref().unwrap_or(machine.architecture)
+                machine.processor()
             );
         }
         text.push_str("\n## Residuals at l = 4: max |r| after each pass\n\n");

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{MalgouyresResults, PatchRun, SceneResult, VoxelRun};
 use crate::experiment::ExperimentError;
-use crate::experiment::findings::{Check, FAILED, Files, Findings, PaperDocument, text_file};
+use crate::experiment::findings::{Check, Files, PaperFindings, text_file};
 use crate::report::curves::{Curve, CurvePlot};
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
 use crate::report::{Machine, Table, table};
@@ -45,20 +45,11 @@ impl MalgouyresResults {
     ///
     /// # Errors
     /// [`ExperimentError::Plot`].
-    pub fn findings(&self) -> Result<Findings<PaperDocument<'_, Self, Vec<SceneTimes>>>, ExperimentError> {
-        let inside = self.is_met();
-        Ok(Findings {
-            printed: report(self, true),
-            files: files(self)?,
-            captions: Vec::new(),
-            document: PaperDocument {
-                machine: Machine::here(),
-                inside,
-                results: self,
-                times: self.scenes.iter().map(SceneTimes::from).collect(),
-            },
-            wrong: (!inside).then(|| FAILED.to_owned()),
-        })
+    pub fn findings(&self) -> Result<PaperFindings<'_, Self, Vec<SceneTimes>>, ExperimentError> {
+        let inside = Check::all_met(&self.checks);
+        let times = self.scenes.iter().map(SceneTimes::from).collect();
+        let printed = report(self, true);
+        Ok(PaperFindings::new(self, times, inside, printed, files(self)?))
     }
 }
 
@@ -94,7 +85,7 @@ fn report(results: &MalgouyresResults, with_times: bool) -> String {
              patch) in no more time. \"Voxels, same time\": the error of uniform voxels with R = 30 after that time, between two resolutions on the straight line in logarithms, \
              or that of the finest where it took no longer.",
             machine.n_threads,
-            machine.cpu_model.as_deref().unwrap_or(machine.architecture)
+            machine.processor()
         );
     }
     for scene in &results.scenes {

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{PictureRun, PicturesResults};
 use crate::experiment::ExperimentError;
-use crate::experiment::findings::{Check, FAILED, Files, Findings, PaperDocument, text_file};
+use crate::experiment::findings::{Check, Files, Findings, PaperFindings, text_file};
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
 use crate::report::{Machine, Table};
 
@@ -28,22 +28,15 @@ impl PicturesResults {
     ///
     /// # Errors
     /// [`ExperimentError::Plot`].
-    pub fn findings(&self) -> Result<Findings<PaperDocument<'_, Self, PictureTimes>>, ExperimentError> {
-        let inside = self.is_met();
+    pub fn findings(&self) -> Result<PaperFindings<'_, Self, PictureTimes>, ExperimentError> {
+        let inside = Check::all_met(&self.checks);
+        let times = PictureTimes {
+            runs_s: self.runs.iter().map(|run| run.time_s).collect(),
+            reference_s: self.reference_time_s,
+        };
         Ok(Findings {
-            printed: report(self, true),
-            files: files(self)?,
             captions: captions(self),
-            document: PaperDocument {
-                machine: Machine::here(),
-                inside,
-                results: self,
-                times: PictureTimes {
-                    runs_s: self.runs.iter().map(|run| run.time_s).collect(),
-                    reference_s: self.reference_time_s,
-                },
-            },
-            wrong: (!inside).then(|| FAILED.to_owned()),
+            ..PaperFindings::new(self, times, inside, report(self, true), files(self)?)
         })
     }
 }
@@ -113,7 +106,7 @@ fn report(results: &PicturesResults, with_times: bool) -> String {
             text,
             "\nTimes: of the rendering alone, one run each with {} threads on {}; the reference took {:.1} s.",
             machine.n_threads,
-            machine.cpu_model.as_deref().unwrap_or(machine.architecture),
+            machine.processor(),
             results.reference_time_s
         );
     }
