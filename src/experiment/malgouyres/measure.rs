@@ -140,8 +140,8 @@ impl PatchReference {
             "halves of halves"
         );
         let at = (finest / per_edge).ilog2() as usize;
-        let by_channel = |values: &Block, step: &dyn Fn(&[f64]) -> Vec<f64>| {
-            let channels = (0..values.n_channels()).map(|c| step(&values.channel(c)));
+        let by_channel = |block: &Block, step: &dyn Fn(&[f64]) -> Vec<f64>| {
+            let channels = (0..block.n_channels()).map(|c| step(&block.channel(c)));
             Block::from_channels(&channels.collect::<Vec<_>>())
         };
         for level in &self.levels[at.min(STEPS_TO_MEASURE)..STEPS_TO_MEASURE] {

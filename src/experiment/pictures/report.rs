@@ -8,7 +8,7 @@ use super::{PictureRun, PicturesResults};
 use crate::experiment::ExperimentError;
 use crate::experiment::findings::{Check, Files, Findings, PaperFindings, text_file};
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
-use crate::report::{Machine, Table};
+use crate::report::{Machine, Table, table};
 
 /// The file of the reference's image.
 const REFERENCE: &str = "reference.png";
@@ -118,28 +118,16 @@ fn report(results: &PicturesResults, with_times: bool) -> String {
 }
 
 fn table(results: &PicturesResults, with_times: bool) -> Table {
-    let mut columns = vec![
-        "flags",
-        "method",
-        "root mean square",
-        "median",
-        "relative to the pixel",
-        "rays",
-    ];
-    if with_times {
-        columns.push("time (s)");
-    }
-    let mut table = Table::new(columns);
-    for run in &results.runs {
-        let mut cells = vec![run.flags.clone(), method_of(run).to_owned()];
-        cells.extend([run.rms, run.median, run.relative_rms].map(|error| format!("{error:.3e}")));
-        cells.push(run.n_rays.to_string());
-        if with_times {
-            cells.push(format!("{:.3}", run.time_s));
-        }
-        table.push(cells);
-    }
-    table
+    let all = table! { run in &results.runs;
+        "flags": run.flags,
+        "method": method_of(run),
+        "root mean square": format!("{:.3e}", run.rms),
+        "median": format!("{:.3e}", run.median),
+        "relative to the pixel": format!("{:.3e}", run.relative_rms),
+        "rays": run.n_rays,
+        "time (s)": format!("{:.3}", run.time_s),
+    };
+    all.without_last(usize::from(!with_times))
 }
 
 fn error_time(results: &PicturesResults) -> ErrorTimePlot {

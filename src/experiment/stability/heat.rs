@@ -140,8 +140,8 @@ impl Enclosure {
                 return (Verdict::Refused, "its errors are stated to be too great".to_owned());
             }
             match self.judged(case, &study) {
-                Ok(found) => {
-                    errors = Some(found);
+                Ok(own) => {
+                    errors = Some(own);
                     (Verdict::Right, "converged".to_owned())
                 }
                 Err(lie) => (Verdict::Wrong, lie),

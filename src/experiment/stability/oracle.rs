@@ -36,7 +36,9 @@ impl Oracle {
                 for _ in 0..STEPS {
                     let mean: f64 = b.iter().enumerate().map(|(j, b)| even(j) * b).sum();
                     let mut step = residuals(system, c, exitance, &b);
-                    step.iter_mut().for_each(|r| *r -= mean);
+                    for r in &mut step {
+                        *r -= mean;
+                    }
                     lu.solve(&mut step);
                     b.iter_mut().zip(step).for_each(|(b, d)| *b += d);
                 }
