@@ -94,16 +94,9 @@ pub(super) fn run(
     let _ = writeln!(text, "{n_patches} patches, {n} lightings at once");
     run.describe_form_factors(&mut text, computed);
     text.push_str(&of_each);
-    run.describe_audit(&mut text);
-    run.describe_times(&mut text);
-    for path in lightings.outputs.iter().flatten() {
-        let _ = writeln!(text, "wrote {}", path.display());
-    }
-    Ok(Outcome {
-        text,
-        document,
-        code: run.judged(solution::code(&solution, Some(computed), error), args.audit.strict),
-    })
+    let code = solution::code(&solution, Some(computed), error);
+    let written = lightings.outputs.iter().flatten();
+    Ok(run.outcome(text, document, written, (code, args.audit.strict)))
 }
 
 /// Returns the names of the lightings: the files' names without directory and ending, which must differ.

@@ -1,7 +1,5 @@
 //! The command `radiosity solve`.
 
-use std::fmt::Write as _;
-
 use glam::DVec3;
 
 use super::args::SolveArgs;
@@ -17,25 +15,13 @@ use crate::document::{FormFactorRecord, LitSurface, SolveDocument, SolverRecord}
 use crate::matrix::operator::Block;
 use crate::mesh::Subdivision;
 use crate::report::form_factors::{FormFactorFile, files_of};
-use crate::workflow::{Afterwards, Demand, FormFactorStudy, Model, SolutionStudy, with_suffix};
+use crate::workflow::{Afterwards, FormFactorStudy, Model, SolutionStudy, with_suffix};
 
-pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
-    let mut run = Run::new("solve", &args.common);
-    let result = work(args, &mut run);
-    run.ended(result)
-}
-
-fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
+pub(super) fn run(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     files(args)?.check()?;
     let file = args.form_factors.as_deref().map(FormFactorFile::open).transpose()?;
     let mesh_args = file.as_ref().map_or(Ok(args.mesh), |file| args.mesh.of_file(file))?;
-    let demand = Demand {
-        output: args.output.clone(),
-        tolerance: Some(args.solver.tolerance),
-        solver: Some(args.solver.solver.clone()),
-        ..Demand::default()
-    };
-    run.expect(&args.storage, demand);
+    run.expect(&args.storage, args.solver.demand(args.output.as_ref()));
     let daylight = sun::daylight(&args.sun)?;
     let path = sun_path::read(args.sun_path.as_deref(), &args.sun, DVec3::Z)?;
     let shines = daylight.shines() || path.is_some();
@@ -139,14 +125,6 @@ fn finish(
         run.describe_form_factors(&mut text, computed);
     }
     describe(&mut text, model, solver, study);
-    run.describe_audit(&mut text);
-    run.describe_times(&mut text);
-    if let Some(path) = &args.output {
-        let _ = writeln!(text, "wrote {}", path.display());
-    }
-    Ok(Outcome {
-        text,
-        document,
-        code: run.judged(code(solution, computed, study.error), args.audit.strict),
-    })
+    let code = code(solution, computed, study.error);
+    Ok(run.outcome(text, document, &args.output, (code, args.audit.strict)))
 }

@@ -24,13 +24,7 @@ enum Format {
     Vtu,
 }
 
-pub(super) fn run(args: &VoxelArgs) -> Result<Outcome, Failure> {
-    let mut run = Run::new("voxel", &args.common);
-    let result = work(args, &mut run);
-    run.ended(result)
-}
-
-fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
+pub(super) fn run(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let format = args.output.as_deref().map(format_of).transpose()?;
     let is_image = format == Some(Format::Image);
     args.expect_sensible(is_image).map_err(Failure::usage)?;
