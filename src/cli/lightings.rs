@@ -15,7 +15,7 @@ use crate::workflow::{FormFactorStudy, LightingStudy, Model, with_suffix};
 pub(super) struct Lightings {
     names: Vec<String>,
     outputs: Vec<Option<PathBuf>>,
-    all: Vec<Option<Lighting>>,
+    pub(super) all: Vec<Option<Lighting>>,
 }
 
 impl Lightings {
@@ -28,13 +28,6 @@ impl Lightings {
             all.push(Some(Lighting::load(file, scene)?));
         }
         Ok(Self { names, outputs, all })
-    }
-
-    /// Warns of lightings in which no face emits light, by their `files`.
-    pub(super) fn warn_of_darkness(&self, run: &mut Run, model: &Model, files: &[PathBuf]) {
-        let files = files.iter().map(|file| Some(file.as_path()));
-        let lightings: Vec<_> = files.zip(self.all.iter().map(Option::as_ref)).collect();
-        run.warn_of_darkness(model, &lightings);
     }
 
     pub(super) fn reflectance_max(&self) -> f64 {

@@ -1,5 +1,7 @@
 //! The command `radiosity solve`.
 
+use std::path::PathBuf;
+
 use glam::DVec3;
 
 use super::args::SolveArgs;
@@ -33,7 +35,8 @@ pub(super) fn run(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let given = args.exitance.as_deref();
     let exitances = given.map(|array| model.materials_of(array)).transpose()?;
     if !shines && exitances.is_none() {
-        loaded.warn_of_darkness(run, &model, &args.lighting);
+        let files = args.lighting.iter().map(PathBuf::as_path);
+        model.warn_of_darkness(files.zip(loaded.all.iter().flatten()), &run.cx);
     }
     let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Light);
     let solver = args.solver.request();

@@ -15,7 +15,7 @@ use crate::scene::hash::hexadecimal;
 use crate::whole_file;
 
 /// Returns the format of a file's ending, among those `known` for this content.
-pub(super) fn by_ending<F: Copy>(path: &Path, content: &'static str, known: &[(&str, F)]) -> Result<F, ReportError> {
+pub(crate) fn by_ending<F: Copy>(path: &Path, content: &'static str, known: &[(&str, F)]) -> Result<F, ReportError> {
     let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
     let found = known.iter().find(|(name, _)| ending.as_deref() == Some(name.as_ref()));
     found.map(|&(_, format)| format).ok_or_else(|| {

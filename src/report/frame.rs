@@ -20,6 +20,11 @@ use super::paper::{Canvas, HEIGHT, Paper, WIDTH};
 #[error("the plot cannot be drawn: {0}")]
 pub struct PlotError(String);
 
+#[expect(clippy::needless_pass_by_value, reason = "it maps errors")]
+fn failed(error: Box<dyn std::error::Error>) -> PlotError {
+    PlotError(error.to_string())
+}
+
 /// The result of the drawing library.
 pub(super) type DrawResult = Result<(), Box<dyn std::error::Error>>;
 
@@ -69,7 +74,7 @@ pub(super) fn to_svg(
 ) -> Result<String, PlotError> {
     let mut svg = String::new();
     let paper = Paper::Svg(SVGBackend::with_string(&mut svg, (WIDTH, HEIGHT)));
-    let notes = on_paper(paper, title, subtitle, draw)?;
+    let notes = on_paper(paper, title, subtitle, draw).map_err(failed)?;
     Ok(with_notes(&svg, &format!("{title}. {description}"), &notes))
 }
 
@@ -80,8 +85,8 @@ pub(super) fn to_png(
     draw: impl FnOnce(&mut Frame<'_>) -> DrawResult,
 ) -> Result<Vec<u8>, PlotError> {
     let mut canvas = Canvas::new();
-    on_paper(Paper::Pixels(&mut canvas), title, subtitle, draw)?;
-    canvas.to_png().map_err(|error| PlotError(error.to_string()))
+    on_paper(Paper::Pixels(&mut canvas), title, subtitle, draw).map_err(failed)?;
+    canvas.to_png().map_err(|error| failed(error.into()))
 }
 
 /// Adds the description, the names as metadata in lines `STYLE NAME`, and an invisible circle for every point, above everything else.
@@ -118,17 +123,8 @@ fn on_paper<'a>(
     title: &str,
     subtitle: &str,
     draw: impl FnOnce(&mut Frame<'a>) -> DrawResult,
-) -> Result<Notes, PlotError> {
-    register_fonts()?;
-    sheet(paper, title, subtitle, draw).map_err(|error| PlotError(error.to_string()))
-}
-
-fn sheet<'a>(
-    paper: Paper<'a>,
-    title: &str,
-    subtitle: &str,
-    draw: impl FnOnce(&mut Frame<'a>) -> DrawResult,
 ) -> Result<Notes, Box<dyn std::error::Error>> {
+    register_fonts()?;
     let root = paper.into_drawing_area();
     root.fill(&WHITE)?;
     let heading = (FONT, 18.0, FontStyle::Bold).into_text_style(&root);
@@ -208,13 +204,13 @@ pub(super) fn dashes(area: &Area<'_>, (x, y): (i32, i32), style: ShapeStyle, par
 }
 
 /// Registers the font with the drawing library.
-fn register_fonts() -> Result<(), PlotError> {
+fn register_fonts() -> DrawResult {
     let font = [
         (FontStyle::Normal, dejavu::sans::regular()),
         (FontStyle::Bold, dejavu::sans::bold()),
     ];
     for (style, bytes) in font {
-        register_font(FONT, style, bytes).map_err(|_| PlotError("its font cannot be read".to_owned()))?;
+        register_font(FONT, style, bytes).map_err(|_| "its font cannot be read")?;
     }
     Ok(())
 }

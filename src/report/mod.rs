@@ -52,6 +52,8 @@ use serde::Serialize;
 
 pub use description::Description;
 pub use error::ReportError;
+#[cfg(feature = "cli")]
+pub(crate) use file::by_ending;
 #[cfg(feature = "reports")]
 pub use machine::{Machine, load_average};
 pub use memory::{memory_available_byte, memory_peak_byte, memory_used_byte};

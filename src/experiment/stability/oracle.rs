@@ -1,6 +1,6 @@
 //! Exact solutions, and the allowed errors of others.
 
-use crate::matrix::operator::{Block, LinearOperator};
+use crate::matrix::operator::Block;
 use crate::solver::RadiositySystem;
 use crate::solver::lu::{Dense, Lu};
 use crate::solver::twofold::Twofold;
@@ -22,15 +22,18 @@ impl Oracle {
     /// Solves a system whose operator has rows and whose solution is unique, or has the mean zero in a single component that is `white`.
     pub(super) fn new(system: &RadiositySystem, white: bool) -> Self {
         let (n, n_channels) = (system.n_patches(), system.n_channels());
-        let rows = dense(system.operator());
+        let rows = system.operator().rows().expect("all cases have rows");
         let total: f64 = system.areas().iter().sum();
         let mut radiosity = Block::zeros(n, n_channels);
         let (mut amplification, mut of_light) = (Vec::new(), true);
         for c in 0..n_channels {
             let rho = |i: usize| system.reflectance().row(i)[c];
             let even = |j: usize| if white { system.areas()[j] / total } else { 0.0 };
-            let entry = |i: usize, j: usize| f64::from(u8::from(i == j)) - rho(i) * rows[i][j] + even(j);
-            let lu = Lu::new(Dense::from_fn(n, entry));
+            let mut matrix = Dense::from_fn(n, |i, j| f64::from(u8::from(i == j)) + even(j));
+            for i in 0..n {
+                rows.visit_row(i, &mut |j, f| *matrix.at_mut(i, j) -= rho(i) * f);
+            }
+            let lu = Lu::new(matrix);
             let solve = |exitance: &[f64]| {
                 let mut b = vec![0.0; n];
                 for _ in 0..STEPS {
@@ -72,17 +75,4 @@ pub(super) fn residuals(system: &RadiositySystem, c: usize, exitance: &[f64], ra
         residual.value()
     };
     (0..system.n_patches()).map(of_row).collect()
-}
-
-/// Returns all entries of F.
-fn dense(operator: &dyn LinearOperator) -> Vec<Vec<f64>> {
-    let n = operator.n_rows();
-    let row = |i: usize| {
-        let mut row = vec![0.0; n];
-        if let Some(rows) = operator.rows() {
-            rows.visit_row(i, &mut |j, f| row[j] = f);
-        }
-        row
-    };
-    (0..n).map(row).collect()
 }
