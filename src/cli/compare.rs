@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use clap::ValueEnum as _;
+
 use super::Outcome;
 use super::args::{CompareArgs, VisibilityName};
 use super::exit_code::ExitCode;
@@ -102,12 +104,8 @@ fn note_settings(run: &mut Run, args: &CompareArgs, settings: &CompareSettings<'
     noted.seed = Some(args.seed);
     noted.time_limit_s = Some(args.time_limit);
     noted.tolerance = Some(args.tolerance);
-    let visibility = match args.visibility {
-        VisibilityName::On => "on",
-        VisibilityName::Off => "off",
-        VisibilityName::Both => "both",
-    };
-    noted.visibility = Some(visibility.to_owned());
+    let visibility = args.visibility.to_possible_value();
+    noted.visibility = visibility.map(|value| value.get_name().to_owned());
     noted.methods = Some(settings.sweeps.iter().map(|sweep| sweep.name.to_owned()).collect());
 }
 

@@ -10,7 +10,7 @@ use crate::form_factor::FormFactorError;
 use crate::matrix::{DiskError, MatrixError};
 use crate::printable::printable_message;
 use crate::render::RenderError;
-use crate::report::ReportError;
+use crate::report::{ReportError, SCHEMA_VERSION};
 use crate::scene::{SceneError, SceneErrorKind};
 use crate::solver::SolverError;
 use crate::voxel::VoxelError;
@@ -68,12 +68,15 @@ impl Failure {
 
     /// Returns the JSON document of the error.
     pub(super) fn document(&self) -> FailureDocument {
-        FailureDocument::new(FailureRecord {
-            kind: self.kind,
-            message: self.message.clone(),
-            file: self.file.as_ref().map(|file| file.display().to_string()),
-            line: self.line,
-        })
+        FailureDocument {
+            schema_version: SCHEMA_VERSION,
+            error: FailureRecord {
+                kind: self.kind,
+                message: self.message.clone(),
+                file: self.file.as_ref().map(|file| file.display().to_string()),
+                line: self.line,
+            },
+        }
     }
 }
 

@@ -11,19 +11,13 @@ use super::picture::{image_file, preview_of};
 use super::run::Run;
 use super::surface_table::surface_named;
 use super::view::{samples, tell_camera};
-use super::{Outcome, name_width};
+use super::{Outcome, printable_names};
 use crate::document::{FieldDocument, FieldSurface};
 use crate::printable::printable;
 use crate::render::{Field, RenderSettings, SurfaceMean};
 use crate::workflow::{FieldMethod, FieldRequest, Model, image_patches};
 
-pub(super) fn run(args: &FieldArgs) -> Result<Outcome, Failure> {
-    let mut run = Run::new("field", &args.common);
-    let result = work(args, &mut run);
-    run.ended(result)
-}
-
-fn work(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
+pub(super) fn run(args: &FieldArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let view = args.view.request();
     let settings = settings(args, view.is_unfolded())?;
     let preview = preview_of(&args.output)?;
@@ -86,10 +80,7 @@ fn settings(args: &FieldArgs, is_unfolded: bool) -> Result<RenderSettings, Failu
 }
 
 fn describe(text: &mut String, model: &Model, target: &str, means: &[SurfaceMean]) {
-    let names: Vec<String> = (model.scene.surfaces.iter())
-        .map(|surface| printable(&surface.name))
-        .collect();
-    let width = name_width(names.iter().map(String::as_str));
+    let (names, width) = printable_names(model.scene.surfaces.iter().map(|surface| surface.name.as_str()));
     let _ = writeln!(
         text,
         "mean form factor to {} over the samples that show the front of a surface",

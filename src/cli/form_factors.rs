@@ -1,7 +1,5 @@
 //! The command `radiosity form-factors`.
 
-use std::fmt::Write as _;
-
 use super::args::FormFactorsArgs;
 use super::checks::describe_patches;
 use super::failure::Failure;
@@ -15,13 +13,7 @@ use crate::mesh::Subdivision;
 use crate::report::form_factors::{FormFactorReport, Format};
 use crate::workflow::{Afterwards, Demand, SurfaceTable};
 
-pub(super) fn run(args: &FormFactorsArgs) -> Result<Outcome, Failure> {
-    let mut run = Run::new("form-factors", &args.common);
-    let result = work(args, &mut run);
-    run.ended(result)
-}
-
-fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
+pub(super) fn run(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let format = args.output.as_deref().map(Format::of).transpose()?;
     let has_quantities = |own| matches!(own, Format::Vtu | Format::Ply | Format::Obj);
     if args.surface.is_some() && format.is_some_and(|own| !has_quantities(own)) {
@@ -71,16 +63,8 @@ fn work(args: &FormFactorsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     describe_patches(&mut text, &model);
     run.describe_form_factors(&mut text, &computed);
     describe_surfaces(&mut text, &model, &computed, &table);
-    run.describe_audit(&mut text);
-    run.describe_times(&mut text);
-    if let Some(path) = &args.output {
-        let _ = writeln!(text, "wrote {}", path.display());
-    }
-    Ok(Outcome {
-        text,
-        document,
-        code: run.judged(solution::code_of(Some(&computed)), args.audit.strict),
-    })
+    let code = (solution::code_of(Some(&computed)), args.audit.strict);
+    Ok(run.outcome(text, document, &args.output, code))
 }
 
 fn files(args: &FormFactorsArgs) -> FileSet {

@@ -14,7 +14,7 @@ use super::picture::{image_file, preview_of};
 use super::run::Run;
 use super::solution;
 use super::sun;
-use super::view::{demand, expect_sensible, render_settings};
+use super::view::{expect_sensible, render_settings};
 use crate::document::{FrameRecord, FramesDocument, PoseRecord, SolverRecord};
 use crate::printable::counted;
 use crate::scene::frames;
@@ -62,11 +62,11 @@ impl SequenceObserver for Told<'_> {
     }
 }
 
-pub(super) fn work(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outcome, Failure> {
+pub(super) fn run(args: &RenderArgs, file: &Path, run: &mut Run) -> Result<Outcome, Failure> {
     expect_sensible(&args.image)?;
     let wanted = frames::load(file)?;
     run.has_lightings = true;
-    run.expect(&args.storage, demand(args));
+    run.expect(&args.storage, args.solver.demand(Some(&args.output)));
     let model = run.prepare(&args.scene, args.mesh, image_patches)?;
     let defaults = FrameDefaults {
         scene_file: &args.scene,

@@ -1,6 +1,6 @@
 //! The JSON document of a command.
 
-use serde::ser::{Serialize, SerializeMap as _, SerializeSeq as _, Serializer};
+use serde::ser::{Serialize, SerializeMap as _, Serializer};
 use serde_json::Value;
 
 /// A document with its members in the order of their names.
@@ -9,23 +9,15 @@ use serde_json::Value;
 #[derive(Default)]
 pub(super) struct JsonDocument {
     values: Value,
-    list: Option<(&'static str, Box<dyn Items>)>,
+    list: Option<(&'static str, Items)>,
 }
 
-/// The items of a list.
-trait Items: Send {
-    fn n_items(&self) -> usize;
+/// The items of a list, by their numbers.
+struct Items(Box<dyn Fn(usize) -> Option<Value> + Send>);
 
-    fn item(&self, k: usize) -> Value;
-}
-
-impl<T: Serialize + Send> Items for Vec<T> {
-    fn n_items(&self) -> usize {
-        self.len()
-    }
-
-    fn item(&self, k: usize) -> Value {
-        in_order(&self[k])
+impl Serialize for Items {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_seq((0..).map_while(&self.0))
     }
 }
 
@@ -38,7 +30,7 @@ impl JsonDocument {
     /// Replaces the member `key` by a list.
     pub(super) fn with_list(self, key: &'static str, items: Vec<impl Serialize + Send + 'static>) -> Self {
         Self {
-            list: Some((key, Box::new(items))),
+            list: Some((key, Items(Box::new(move |k| items.get(k).map(in_order))))),
             ..self
         }
     }
@@ -58,25 +50,12 @@ impl Serialize for JsonDocument {
         let mut map = serializer.serialize_map(Some(members.len()))?;
         for (name, value) in members {
             if name == key {
-                map.serialize_entry(name, &List(&**items))?;
+                map.serialize_entry(name, items)?;
             } else {
                 map.serialize_entry(name, value)?;
             }
         }
         map.end()
-    }
-}
-
-struct List<'a>(&'a dyn Items);
-
-impl Serialize for List<'_> {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let n = self.0.n_items();
-        let mut list = serializer.serialize_seq(Some(n))?;
-        for k in 0..n {
-            list.serialize_element(&self.0.item(k))?;
-        }
-        list.end()
     }
 }
 

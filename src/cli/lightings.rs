@@ -15,7 +15,7 @@ use crate::workflow::{FormFactorStudy, LightingStudy, Model, with_suffix};
 pub(super) struct Lightings {
     names: Vec<String>,
     outputs: Vec<Option<PathBuf>>,
-    all: Vec<Option<Lighting>>,
+    pub(super) all: Vec<Option<Lighting>>,
 }
 
 impl Lightings {
@@ -28,13 +28,6 @@ impl Lightings {
             all.push(Some(Lighting::load(file, scene)?));
         }
         Ok(Self { names, outputs, all })
-    }
-
-    /// Warns of lightings in which no face emits light, by their `files`.
-    pub(super) fn warn_of_darkness(&self, run: &mut Run, model: &Model, files: &[PathBuf]) {
-        let files = files.iter().map(|file| Some(file.as_path()));
-        let lightings: Vec<_> = files.zip(self.all.iter().map(Option::as_ref)).collect();
-        run.warn_of_darkness(model, &lightings);
     }
 
     pub(super) fn reflectance_max(&self) -> f64 {
@@ -94,16 +87,9 @@ pub(super) fn run(
     let _ = writeln!(text, "{n_patches} patches, {n} lightings at once");
     run.describe_form_factors(&mut text, computed);
     text.push_str(&of_each);
-    run.describe_audit(&mut text);
-    run.describe_times(&mut text);
-    for path in lightings.outputs.iter().flatten() {
-        let _ = writeln!(text, "wrote {}", path.display());
-    }
-    Ok(Outcome {
-        text,
-        document,
-        code: run.judged(solution::code(&solution, Some(computed), error), args.audit.strict),
-    })
+    let code = solution::code(&solution, Some(computed), error);
+    let written = lightings.outputs.iter().flatten();
+    Ok(run.outcome(text, document, written, (code, args.audit.strict)))
 }
 
 /// Returns the names of the lightings: the files' names without directory and ending, which must differ.

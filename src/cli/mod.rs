@@ -47,9 +47,10 @@ use clap::{CommandFactory as _, FromArgMatches as _};
 pub use exit_code::ExitCode;
 use failure::Failure;
 use json::{JsonDocument, in_order};
+use run::Run;
 
 use crate::embree::return_freed_blocks;
-use crate::printable::{printable_message, quoted};
+use crate::printable::{printable, printable_message, quoted};
 use crate::ranks::End;
 
 /// The result of a command: text for people, the same as a document, and the exit code.
@@ -230,13 +231,13 @@ fn run(command: &Command, common: &CommonArgs) -> Result<Outcome, Failure> {
     // All stages run inside the pool, so that --threads applies to them.
     pool.install(|| match command {
         Command::Scene(a) => scene::run(a),
-        Command::FormFactors(a) => form_factors::run(a),
-        Command::Solve(a) => solve::run(a),
-        Command::Heat(a) => heat::run(a),
-        Command::Points(a) => points::run(a),
-        Command::Render(a) => render::run(a),
-        Command::Field(a) => field::run(a),
-        Command::Voxel(a) => voxel::run(a),
+        Command::FormFactors(a) => Run::of("form-factors", common, |run| form_factors::run(a, run)),
+        Command::Solve(a) => Run::of("solve", common, |run| solve::run(a, run)),
+        Command::Heat(a) => Run::of("heat", common, |run| heat::run(a, run)),
+        Command::Points(a) => Run::of("points", common, |run| points::run(a, run)),
+        Command::Render(a) => Run::of("render", common, |run| render::run(a, run)),
+        Command::Field(a) => Run::of("field", common, |run| field::run(a, run)),
+        Command::Voxel(a) => Run::of("voxel", common, |run| voxel::run(a, run)),
         Command::Verify(a) => verify::run(a),
         Command::Compare(a) => compare::run(a),
         Command::Reproduce(a) => reproduce::run(a),
@@ -330,6 +331,13 @@ fn name_width<'a>(names: impl IntoIterator<Item = &'a str>) -> usize {
     const MOST: usize = 60;
     let lengths = names.into_iter().map(|name| name.chars().count());
     lengths.max().unwrap_or(0).min(MOST)
+}
+
+/// Returns names as messages show them, and the width of their column.
+fn printable_names<'a>(names: impl Iterator<Item = &'a str>) -> (Vec<String>, usize) {
+    let names: Vec<String> = names.map(printable).collect();
+    let width = name_width(names.iter().map(String::as_str));
+    (names, width)
 }
 
 /// Returns a number for a column of a table: with six decimals in a middle range, else in scientific notation.

@@ -14,15 +14,9 @@ use crate::mesh::Subdivision;
 use crate::printable::counted;
 use crate::report::exchange::Format;
 use crate::report::points;
-use crate::workflow::{Afterwards, Demand};
+use crate::workflow::Afterwards;
 
-pub(super) fn run(args: &PointsArgs) -> Result<Outcome, Failure> {
-    let mut run = Run::new("points", &args.common);
-    let result = work(args, &mut run);
-    run.ended(result)
-}
-
-fn work(args: &PointsArgs, run: &mut Run) -> Result<Outcome, Failure> {
+pub(super) fn run(args: &PointsArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if let Some(path) = &args.output {
         Format::of(path, points::CONTENT)?;
     }
@@ -37,13 +31,7 @@ fn work(args: &PointsArgs, run: &mut Run) -> Result<Outcome, Failure> {
         .reads("the boundary conditions", args.boundary.as_deref())
         .check()?;
     let queries = points::read(&args.points)?;
-    let demand = Demand {
-        output: args.output.clone(),
-        tolerance: Some(args.solver.tolerance),
-        solver: Some(args.solver.solver.clone()),
-        ..Demand::default()
-    };
-    run.expect(&args.storage, demand);
+    run.expect(&args.storage, args.solver.demand(args.output.as_ref()));
     let mut model = run.prepare(&args.scene, args.mesh, |_| Subdivision::Uniform(1))?;
     let heat = match &args.boundary {
         None => None,

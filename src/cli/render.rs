@@ -9,23 +9,17 @@ use super::failure::{Failure, flag};
 use super::file_set::FileSet;
 use super::picture::{image_file, preview_of};
 use super::run::Run;
-use super::view::{demand, expect_sensible, render_settings, tell_camera};
+use super::view::{expect_sensible, render_settings, tell_camera};
 use super::{Outcome, solution, sun};
 use crate::document::{FormFactorRecord, LitSurface, RenderDocument, SolverRecord};
 use crate::printable::short;
 use crate::render::GatherReport;
 use crate::workflow::{Afterwards, ImageLight, ImageRequest, Model, gathered, image_byte, image_patches, render_shown};
 
-pub(super) fn run(args: &RenderArgs) -> Result<Outcome, Failure> {
-    let mut run = Run::new("render", &args.common);
-    let result = match &args.frames {
-        Some(file) => super::frames::work(args, file, &mut run),
-        None => work(args, &mut run),
-    };
-    run.ended(result)
-}
-
-fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
+pub(super) fn run(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
+    if let Some(file) = &args.frames {
+        return super::frames::run(args, file, run);
+    }
     expect_sensible(&args.image)?;
     let request = args.image.view.request();
     let settings = render_settings(args, request.is_unfolded());
@@ -35,7 +29,7 @@ fn work(args: &RenderArgs, run: &mut Run) -> Result<Outcome, Failure> {
     files.keeps("the checkpoint", args.storage.checkpoint.as_deref());
     files.reads_scene(&args.scene, &args.common.reading);
     files.reads("the camera", request.camera_file()).check()?;
-    run.expect(&args.storage, demand(args));
+    run.expect(&args.storage, args.solver.demand(Some(&args.output)));
     let daylight = sun::daylight(&args.sun)?;
     // In daylight no face has to emit.
     run.has_lightings = daylight.shines();

@@ -5,7 +5,8 @@ use super::args::{PaperName, ReproduceArgs, parse_tables};
 use super::failure::Failure;
 use super::reproduction::Reproduction;
 use crate::experiment::baranoski::{self, TABLE_OF_SOLVERS, solvers};
-use crate::experiment::{crater, lewis, malgouyres, pictures, stability};
+use crate::experiment::{ExperimentError, crater, lewis, malgouyres, pictures, stability};
+use crate::progress::Progress;
 
 pub(super) fn run(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     match args.paper {
@@ -87,31 +88,35 @@ fn lewis(args: &ReproduceArgs) -> Result<Outcome, Failure> {
 fn malgouyres(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     let why = "`malgouyres`: the paper has no table, and nothing is random";
     let level = level_of(args, why, malgouyres::LEVEL_DEFAULT, malgouyres::LEVEL_MAX)?;
-    let mut reproduction = Reproduction::new(args)?;
-    let cx = &mut reproduction.run.cx;
-    cx.settings.level = Some(level);
-    let results = cx.time("reproduce", || malgouyres::reproduce(level, &cx.progress()))?;
+    let (results, reproduction) = at_level(args, level, malgouyres::reproduce)?;
     reproduction.finish(results.findings()?)
 }
 
 fn pictures(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     let why = "`pictures`: it is one table of one solution";
     let level = level_of(args, why, pictures::LEVEL_DEFAULT, pictures::LEVEL_MAX)?;
-    let mut reproduction = Reproduction::new(args)?;
-    let cx = &mut reproduction.run.cx;
-    cx.settings.level = Some(level);
-    let results = cx.time("reproduce", || pictures::reproduce(level, &cx.progress()))?;
+    let (results, reproduction) = at_level(args, level, pictures::reproduce)?;
     reproduction.finish(results.findings()?)
 }
 
 fn crater(args: &ReproduceArgs) -> Result<Outcome, Failure> {
     let why = "`crater`: it is one table, and nothing is random";
     let level = level_of(args, why, crater::LEVEL_DEFAULT, crater::LEVEL_MAX)?;
+    let (results, reproduction) = at_level(args, level, crater::reproduce)?;
+    reproduction.finish(results.findings()?)
+}
+
+/// Runs a reproduction that has levels alone.
+fn at_level<R>(
+    args: &ReproduceArgs,
+    level: u32,
+    reproduce: fn(u32, &dyn Progress) -> Result<R, ExperimentError>,
+) -> Result<(R, Reproduction), Failure> {
     let mut reproduction = Reproduction::new(args)?;
     let cx = &mut reproduction.run.cx;
     cx.settings.level = Some(level);
-    let results = cx.time("reproduce", || crater::reproduce(level, &cx.progress()))?;
-    reproduction.finish(results.findings()?)
+    let results = cx.time("reproduce", || reproduce(level, &cx.progress()))?;
+    Ok((results, reproduction))
 }
 
 /// Returns the level of a reproduction that has levels alone; `why` names it in the error about other flags.

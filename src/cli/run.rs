@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::Serialize;
@@ -153,22 +153,27 @@ impl Run {
         }
     }
 
-    /// Ends the run: removes the checkpoint of finished work, and completes a failure by a signal.
+    /// Runs a command that checks for interruptions: removes the checkpoint of finished work, and completes a failure by a signal.
     ///
     /// Such a failure names the signal and the work that the same command finds when it is run again.
-    pub(super) fn ended(&mut self, result: Result<Outcome, Failure>) -> Result<Outcome, Failure> {
-        let failure = match result {
+    pub(super) fn of(
+        command: &'static str,
+        common: &CommonArgs,
+        work: impl FnOnce(&mut Self) -> Result<Outcome, Failure>,
+    ) -> Result<Outcome, Failure> {
+        let mut run = Self::new(command, common);
+        let failure = match work(&mut run) {
             Ok(outcome) => {
                 if outcome.code == ExitCode::Done {
-                    self.cx.forget_checkpoint();
+                    run.cx.forget_checkpoint();
                 }
                 return Ok(outcome);
             }
             Err(failure) if failure.code != ExitCode::Interrupted => return Err(failure),
             Err(failure) => failure,
         };
-        self.bars.finish();
-        let kept = match self.cx.checkpoint() {
+        run.bars.finish();
+        let kept = match run.cx.checkpoint() {
             Some(checkpoint) => format!(
                 "{} finished parts are in {}; the same command continues from them",
                 checkpoint.n_pieces(),
@@ -176,7 +181,7 @@ impl Run {
             ),
             None => failure.message,
         };
-        Err(self.interrupt.failure(&kept))
+        Err(run.interrupt.failure(&kept))
     }
 
     /// Returns the exit code of a run with the code `code`, after failed checks in a strict run and light leaks.
@@ -185,6 +190,26 @@ impl Run {
             _ if strict && !self.cx.audit.passed() => ExitCode::CheckFailed,
             ExitCode::Done if self.cx.leaks.are_too_great => ExitCode::NotConverged,
             code => code,
+        }
+    }
+
+    /// Returns the outcome of a run: adds lines about the audit, the times and the written files to the text, and judges the exit code.
+    pub(super) fn outcome<'a>(
+        &self,
+        mut text: String,
+        document: JsonDocument,
+        written: impl IntoIterator<Item = &'a PathBuf>,
+        (code, strict): (ExitCode, bool),
+    ) -> Outcome {
+        self.describe_audit(&mut text);
+        self.describe_times(&mut text);
+        for path in written {
+            let _ = writeln!(text, "wrote {}", path.display());
+        }
+        Outcome {
+            text,
+            document,
+            code: self.judged(code, strict),
         }
     }
 

@@ -3,8 +3,9 @@
 use std::fmt::Write as _;
 
 use super::exit_code::ExitCode;
-use super::{cell, name_width};
+use super::{cell, printable_names};
 use crate::printable::{counted, printable};
+use crate::scene::Scene;
 use crate::solver::{Solution, StopReason};
 use crate::workflow::{FormFactorStudy, MeshError, Model, NO_SOLVER, SolutionStudy, TotalError};
 
@@ -60,18 +61,21 @@ pub(super) fn describe(text: &mut String, model: &Model, solver: &str, study: &S
     if let Some(mesh_error) = &study.mesh_error {
         describe_mesh_error(text, mesh_error);
     }
+    describe_means(text, &model.scene, &model.surface_means(&solution.radiosity));
+    let _ = writeln!(text);
+}
+
+/// Adds the mean radiosities of the first surfaces.
+pub(super) fn describe_means(text: &mut String, scene: &Scene, means: &[Vec<f64>]) {
     let _ = writeln!(text, "\nmean radiosity by surface, W/m²");
-    let surfaces = model.surface_means(&solution.radiosity);
-    let names: Vec<String> = model.scene.surfaces.iter().map(|s| printable(&s.name)).collect();
-    let width = name_width(names.iter().map(String::as_str));
-    for (name, mean) in names.iter().zip(&surfaces) {
+    let (names, width) = printable_names(scene.surfaces.iter().map(|surface| surface.name.as_str()));
+    for (name, mean) in names.iter().zip(means) {
         let _ = write!(text, "{name:width$}");
         for value in mean {
             let _ = write!(text, " {}", cell(*value));
         }
         let _ = writeln!(text);
     }
-    let _ = writeln!(text);
 }
 
 /// Adds the line about the change by a coarser mesh.

@@ -1,6 +1,6 @@
 //! The command `radiosity solve`.
 
-use std::fmt::Write as _;
+use std::path::PathBuf;
 
 use glam::DVec3;
 
@@ -17,25 +17,13 @@ use crate::document::{FormFactorRecord, LitSurface, SolveDocument, SolverRecord}
 use crate::matrix::operator::Block;
 use crate::mesh::Subdivision;
 use crate::report::form_factors::{FormFactorFile, files_of};
-use crate::workflow::{Afterwards, Demand, FormFactorStudy, Model, SolutionStudy, with_suffix};
+use crate::workflow::{Afterwards, FormFactorStudy, Model, SolutionStudy, with_suffix};
 
-pub(super) fn run(args: &SolveArgs) -> Result<Outcome, Failure> {
-    let mut run = Run::new("solve", &args.common);
-    let result = work(args, &mut run);
-    run.ended(result)
-}
-
-fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
+pub(super) fn run(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     files(args)?.check()?;
     let file = args.form_factors.as_deref().map(FormFactorFile::open).transpose()?;
     let mesh_args = file.as_ref().map_or(Ok(args.mesh), |file| args.mesh.of_file(file))?;
-    let demand = Demand {
-        output: args.output.clone(),
-        tolerance: Some(args.solver.tolerance),
-        solver: Some(args.solver.solver.clone()),
-        ..Demand::default()
-    };
-    run.expect(&args.storage, demand);
+    run.expect(&args.storage, args.solver.demand(args.output.as_ref()));
     let daylight = sun::daylight(&args.sun)?;
     let path = sun_path::read(args.sun_path.as_deref(), &args.sun, DVec3::Z)?;
     let shines = daylight.shines() || path.is_some();
@@ -47,7 +35,8 @@ fn work(args: &SolveArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let given = args.exitance.as_deref();
     let exitances = given.map(|array| model.materials_of(array)).transpose()?;
     if !shines && exitances.is_none() {
-        loaded.warn_of_darkness(run, &model, &args.lighting);
+        let files = args.lighting.iter().map(PathBuf::as_path);
+        model.warn_of_darkness(files.zip(loaded.all.iter().flatten()), &run.cx);
     }
     let method = run.request(&args.method, args.form_factor_tolerance, Afterwards::Light);
     let solver = args.solver.request();
@@ -139,14 +128,6 @@ fn finish(
         run.describe_form_factors(&mut text, computed);
     }
     describe(&mut text, model, solver, study);
-    run.describe_audit(&mut text);
-    run.describe_times(&mut text);
-    if let Some(path) = &args.output {
-        let _ = writeln!(text, "wrote {}", path.display());
-    }
-    Ok(Outcome {
-        text,
-        document,
-        code: run.judged(code(solution, computed, study.error), args.audit.strict),
-    })
+    let code = code(solution, computed, study.error);
+    Ok(run.outcome(text, document, &args.output, (code, args.audit.strict)))
 }

@@ -69,7 +69,7 @@ impl OnPath<'_> {
         })?;
         let converged = study.steps.iter().map(|step| step.quality.stop_reason);
         let code = self.code(converged, &study, true);
-        Ok(self.finish(study, (code, args.audit.strict), written.as_deref(), run))
+        Ok(self.finish(study, (code, args.audit.strict), written.as_ref(), run))
     }
 
     /// Computes the heat at each time.
@@ -86,7 +86,7 @@ impl OnPath<'_> {
             .flat_map(|step| step.solar.iter().chain([&step.thermal]));
         let is_exact = study.steps.iter().all(crate::workflow::HeatStep::is_exact);
         let code = self.code(bands.map(|band| band.stop_reason), &study, is_exact);
-        Ok(self.finish(study, (code, args.audit.strict), written.as_deref(), run))
+        Ok(self.finish(study, (code, args.audit.strict), written.as_ref(), run))
     }
 
     /// Runs `work` with a sink for the values of patches, which writes them.
@@ -127,8 +127,8 @@ impl OnPath<'_> {
     fn finish<S: Serialize + Send + 'static>(
         self,
         study: PathStudy<S>,
-        (code, strict): (ExitCode, bool),
-        written: Option<&Path>,
+        code: (ExitCode, bool),
+        written: Option<&PathBuf>,
         run: &mut Run,
     ) -> Outcome {
         run.bars.finish();
@@ -152,17 +152,9 @@ impl OnPath<'_> {
             let _ = write!(text, "; {} from the checkpoint", study.n_resumed);
         }
         let _ = writeln!(text);
-        run.describe_audit(&mut text);
-        run.describe_times(&mut text);
-        if let Some(path) = written {
-            let _ = writeln!(text, "wrote {}", path.display());
-        }
         let mut document = PathDocument::new(&self.model, self.factors, self.path, study);
         let steps = std::mem::take(&mut document.steps);
-        Outcome {
-            text,
-            document: run.document_of(&self.model, document).with_list("steps", steps),
-            code: run.judged(code, strict),
-        }
+        let document = run.document_of(&self.model, document).with_list("steps", steps);
+        run.outcome(text, document, written, code)
     }
 }

@@ -4,8 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use super::failure::Failure;
-use super::name_width;
-use crate::printable::printable;
+use super::{name_width, printable_names};
 use crate::scene::{Scene, SurfaceId};
 use crate::workflow::{FormFactorStudy, Model, SurfaceTable};
 
@@ -33,9 +32,7 @@ pub(super) fn describe_surfaces(text: &mut String, model: &Model, computed: &For
         );
         return;
     };
-    let names: Vec<String> = model.scene.surfaces.iter().map(|s| printable(&s.name)).collect();
-    let names: Vec<&str> = names.iter().map(String::as_str).collect();
-    let width = name_width(names.iter().copied());
+    let (names, width) = printable_names(model.scene.surfaces.iter().map(|surface| surface.name.as_str()));
     let _ = writeln!(
         text,
         "\nform factors from row to column; lost: 1 - row sum, sky: the part of it that leaves the scene; error: the largest of the row"
@@ -65,12 +62,12 @@ pub(super) fn describe_surfaces(text: &mut String, model: &Model, computed: &For
 }
 
 /// Returns the width of a table's columns: the least that distinguishes the names at their heads, and at least 9.
-fn heads_width(names: &[&str]) -> usize {
+fn heads_width(names: &[String]) -> usize {
     let all_differ = |width: &usize| {
         let heads: BTreeSet<String> = names.iter().map(|name| shortened(name, *width)).collect();
         heads.len() == names.len()
     };
-    let longest = name_width(names.iter().copied());
+    let longest = name_width(names.iter().map(String::as_str));
     (9..longest).find(all_differ).unwrap_or(longest.max(9))
 }
 

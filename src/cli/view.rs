@@ -7,17 +7,7 @@ use super::args::{DirectName, GatherArgs, ImageArgs, RenderArgs, ViewArgs};
 use super::failure::{Failure, flag};
 use super::run::Run;
 use crate::render::{DirectMethod, GatherSettings, RenderSettings};
-use crate::workflow::{Demand, ImageView};
-
-/// Returns the demands of the steps after the form factors.
-pub(super) fn demand(args: &RenderArgs) -> Demand {
-    Demand {
-        output: Some(args.output.clone()),
-        tolerance: Some(args.solver.tolerance),
-        solver: Some(args.solver.solver.clone()),
-        ..Demand::default()
-    }
-}
+use crate::workflow::ImageView;
 
 /// Refuses flags of the direct pass that do not fit together.
 pub(super) fn expect_sensible(image: &ImageArgs) -> Result<(), Failure> {

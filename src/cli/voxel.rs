@@ -15,6 +15,7 @@ use crate::document::VoxelDocument;
 use crate::mesh::Subdivision;
 use crate::render::{RenderSettings, exr, png};
 use crate::report::voxels::write_vtu;
+use crate::report::{ReportError, by_ending};
 use crate::workflow::{ImageView, Model, VoxelImageRequest, VoxelStudy, image_byte, voxel_patches};
 
 /// The output that `-o` requests.
@@ -24,13 +25,7 @@ enum Format {
     Vtu,
 }
 
-pub(super) fn run(args: &VoxelArgs) -> Result<Outcome, Failure> {
-    let mut run = Run::new("voxel", &args.common);
-    let result = work(args, &mut run);
-    run.ended(result)
-}
-
-fn work(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
+pub(super) fn run(args: &VoxelArgs, run: &mut Run) -> Result<Outcome, Failure> {
     let format = args.output.as_deref().map(format_of).transpose()?;
     let is_image = format == Some(Format::Image);
     args.expect_sensible(is_image).map_err(Failure::usage)?;
@@ -93,16 +88,8 @@ fn files(args: &VoxelArgs, format: Option<Format>) -> FileSet {
     files
 }
 
-fn format_of(path: &Path) -> Result<Format, Failure> {
-    let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
-    match ending.as_ref().and_then(|e| e.to_str()) {
-        Some("exr") => Ok(Format::Image),
-        Some("vtu") => Ok(Format::Vtu),
-        _ => Err(Failure::usage(format!(
-            "{}: the ending names no format for voxels; use one of .exr, .vtu",
-            path.display()
-        ))),
-    }
+fn format_of(path: &Path) -> Result<Format, ReportError> {
+    by_ending(path, "voxels", &[("exr", Format::Image), ("vtu", Format::Vtu)])
 }
 
 fn render_settings(args: &VoxelArgs) -> RenderSettings {

@@ -4,9 +4,7 @@
 
 use std::fmt::Write as _;
 
-use super::solution::solver_line;
-use super::{cell, name_width};
-use crate::printable::printable;
+use super::solution::{describe_means, solver_line};
 use crate::scene::Scene;
 use crate::voxel::VoxelScene;
 use crate::workflow::{TotalError, VoxelLight, VoxelRequest, VoxelResult, VoxelStudy};
@@ -87,15 +85,8 @@ const LISTED: usize = 40;
 /// Adds the mean radiosity of each surface.
 pub(super) fn describe_surfaces(text: &mut String, scene: &Scene, study: &VoxelStudy) {
     let means = study.voxels.surface_means(scene, &study.radiosity);
-    let _ = writeln!(text, "\nmean radiosity by surface, W/m²");
-    let width = name_width(scene.surfaces.iter().map(|s| s.name.as_str()));
-    for (surface, mean) in scene.surfaces.iter().zip(&means).take(LISTED) {
-        let _ = write!(text, "{:width$}", printable(&surface.name));
-        for value in &mean.value {
-            let _ = write!(text, " {}", cell(*value));
-        }
-        let _ = writeln!(text);
-    }
+    let listed: Vec<Vec<f64>> = means.iter().take(LISTED).map(|mean| mean.value.clone()).collect();
+    describe_means(text, scene, &listed);
     if means.len() > LISTED {
         let _ = writeln!(text, "... and {} more, all of them with --json", means.len() - LISTED);
     }

@@ -93,14 +93,3 @@ pub struct FailureRecord {
     /// The line of that file, from 1.
     pub line: Option<u32>,
 }
-
-impl FailureDocument {
-    /// Returns the document of an error.
-    #[must_use]
-    pub fn new(error: FailureRecord) -> Self {
-        Self {
-            schema_version: SCHEMA_VERSION,
-            error,
-        }
-    }
-}

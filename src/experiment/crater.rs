@@ -12,13 +12,13 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::ExperimentError;
-use super::findings::{Check, FAILED, Files, Findings, PaperDocument, text_file};
+use super::findings::{Check, Files, PaperFindings, text_file};
 use crate::heat::{Boundary, Condition, STEFAN_BOLTZMANN, Sun, SurfaceBoundary};
 use crate::matrix::Need;
 use crate::mesh::Subdivision;
 use crate::progress::Progress;
 use crate::report::curves::{Curve, CurvePlot};
-use crate::report::{Machine, Table, table};
+use crate::report::{Table, table};
 use crate::scene::builtin;
 use crate::workflow::{Context, FormFactorRequest, Model, SolveRequest, Use};
 
@@ -205,20 +205,10 @@ impl CraterResults {
     ///
     /// # Errors
     /// [`ExperimentError::Plot`].
-    pub fn findings(&self) -> Result<Findings<PaperDocument<'_, Self, Vec<f64>>>, ExperimentError> {
-        let inside = self.checks.iter().all(|check| check.is_met);
-        Ok(Findings {
-            printed: self.report(),
-            files: self.files()?,
-            captions: Vec::new(),
-            document: PaperDocument {
-                machine: Machine::here(),
-                inside,
-                results: self,
-                times: self.times_s.clone(),
-            },
-            wrong: (!inside).then(|| FAILED.to_owned()),
-        })
+    pub fn findings(&self) -> Result<PaperFindings<'_, Self, Vec<f64>>, ExperimentError> {
+        let inside = Check::all_met(&self.checks);
+        let times = self.times_s.clone();
+        Ok(PaperFindings::new(self, times, inside, self.report(), self.files()?))
     }
 
     fn files(&self) -> Result<Files, ExperimentError> {

@@ -9,7 +9,7 @@ use crate::workflow::Settings;
 pub type Files = Vec<(String, Vec<u8>)>;
 
 /// The warning if a check of a reproduction fails.
-pub(crate) const FAILED: &str = "our own figures are not what they must be; see the failed checks";
+const FAILED: &str = "our own figures are not what they must be; see the failed checks";
 
 /// Returns a file of text.
 #[must_use]
@@ -32,6 +32,27 @@ pub struct Findings<D> {
     pub document: D,
     /// The warning if a figure of ours fails its check.
     pub wrong: Option<String>,
+}
+
+/// The findings beside those of a paper.
+pub type PaperFindings<'a, R, T> = Findings<PaperDocument<'a, R, T>>;
+
+impl<'a, R, T> PaperFindings<'a, R, T> {
+    /// Returns findings without captions, with a warning unless all checks are met.
+    pub(super) fn new(results: &'a R, times: T, inside: bool, printed: String, files: Files) -> Self {
+        Self {
+            printed,
+            files,
+            captions: Vec::new(),
+            document: PaperDocument {
+                machine: Machine::here(),
+                inside,
+                results,
+                times,
+            },
+            wrong: (!inside).then(|| FAILED.to_owned()),
+        }
+    }
 }
 
 /// A figure of ours that must lie in a range.
@@ -58,6 +79,11 @@ impl Check {
             range,
             is_met: (range[0]..=range[1]).contains(&value),
         }
+    }
+
+    /// Returns whether all checks are met.
+    pub(super) fn all_met(checks: &[Self]) -> bool {
+        checks.iter().all(|check| check.is_met)
     }
 
     /// Returns a table of checks, with `n_decimals` decimals.

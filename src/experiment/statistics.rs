@@ -71,13 +71,6 @@ pub fn normal_two_sided(z: f64) -> f64 {
     erfc(z.abs() / 2f64.sqrt())
 }
 
-/// Returns the probability that a normal variable is below `z` standard deviations above its mean.
-#[must_use]
-pub fn normal_below(z: f64) -> f64 {
-    let tail = 0.5 * normal_two_sided(z);
-    if z < 0.0 { tail } else { 1.0 - tail }
-}
-
 /// Returns the probability that a χ² variable with `degrees` degrees of freedom exceeds `x`.
 ///
 /// Q(k/2, y) with y = x/2 from Q(1/2, y) = erfc √y or Q(1, y) = exp(−y) upwards by Q(a + 1, y) = Q(a, y) + y^a exp(−y) / Γ(a + 1).
@@ -112,16 +105,6 @@ pub fn variance_two_sided(ratio: f64, degrees: u32) -> f64 {
     (2.0 * above.min(1.0 - above)).min(1.0)
 }
 
-/// Returns E |X| for a normal variable X: σ √(2/π) exp(−μ²/2σ²) + μ (1 − 2 Φ(−μ/σ)).
-#[must_use]
-pub fn folded_normal_mean(mean: f64, sd: f64) -> f64 {
-    if sd <= 0.0 {
-        return mean.abs();
-    }
-    let z = mean / sd;
-    sd * (2.0 / PI).sqrt() * (-0.5 * z * z).exp() + mean * (1.0 - 2.0 * normal_below(-z))
-}
-
 /// Returns the share of `values` below `value`, in per cent, equal ones counted half.
 #[must_use]
 pub fn percentile(value: f64, values: &[f64]) -> f64 {
@@ -149,7 +132,6 @@ mod tests {
         assert_close(0.5 * normal_two_sided(4.5), 3.397_673_124_730_06e-6, 1e-12);
         assert_close(normal_two_sided(Z_999), 1e-3, 1e-11);
         assert_close(erfc(2.0 - 1e-12), erfc(2.0), 1e-10);
-        assert_close(normal_below(-1.0) + normal_below(1.0), 1.0, 1e-15);
     }
 
     #[test]
@@ -177,14 +159,5 @@ mod tests {
         }
         assert!(Spread::of(&[2.0]).sd.abs() < 1e-300);
         assert_close(percentile(2.0, &[1.0, 2.0, 3.0, 4.0]), 37.5, 1e-15);
-    }
-
-    #[test]
-    fn the_mean_distance_from_zero() {
-        assert_close(folded_normal_mean(0.0, 2.0), 2.0 * (2.0 / PI).sqrt(), 1e-14);
-        assert_close(folded_normal_mean(-50.0, 1.0), 50.0, 1e-14);
-        assert_close(folded_normal_mean(3.0, 0.0), 3.0, 1e-15);
-        // E|X| of N(1, 1) = sqrt(2/π) exp(−1/2) + 1 − 2Φ(−1).
-        assert_close(folded_normal_mean(1.0, 1.0), 1.166_630_941_217_67, 1e-9);
     }
 }

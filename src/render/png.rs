@@ -3,6 +3,8 @@
 use std::io::Write as _;
 use std::path::Path;
 
+use ::png::{ColorType, EncodingError, SrgbRenderingIntent};
+
 use super::error::RenderError;
 use super::image::Image;
 use super::tone_map::tone_map;
@@ -27,18 +29,28 @@ pub fn write(path: &Path, image: &Image) -> Result<(), RenderError> {
 /// # Errors
 /// [`RenderError::Encode`].
 pub fn encode(image: &Image) -> Result<Vec<u8>, RenderError> {
-    encoded(image).map_err(|error| RenderError::Encode(error.to_string()))
+    let size = [image.width(), image.height()];
+    let srgb = Some(SrgbRenderingIntent::Perceptual);
+    encode_bytes(size, ColorType::Rgb, srgb, &tone_map(image)).map_err(|error| RenderError::Encode(error.to_string()))
 }
 
-fn encoded(image: &Image) -> Result<Vec<u8>, ::png::EncodingError> {
-    let side = |n: usize| u32::try_from(n).map_err(|_| ::png::EncodingError::LimitsExceeded);
+/// Returns the PNG of pixels with a byte for each channel, row by row from the top.
+pub(crate) fn encode_bytes(
+    [width, height]: [usize; 2],
+    colour: ColorType,
+    srgb: Option<SrgbRenderingIntent>,
+    pixels: &[u8],
+) -> Result<Vec<u8>, EncodingError> {
+    let side = |n: usize| u32::try_from(n).map_err(|_| EncodingError::LimitsExceeded);
     let mut bytes = Vec::new();
-    let mut encoder = ::png::Encoder::new(&mut bytes, side(image.width())?, side(image.height())?);
-    encoder.set_color(::png::ColorType::Rgb);
+    let mut encoder = ::png::Encoder::new(&mut bytes, side(width)?, side(height)?);
+    encoder.set_color(colour);
     encoder.set_depth(::png::BitDepth::Eight);
-    encoder.set_source_srgb(::png::SrgbRenderingIntent::Perceptual);
+    if let Some(intent) = srgb {
+        encoder.set_source_srgb(intent);
+    }
     let mut writer = encoder.write_header()?;
-    writer.write_image_data(&tone_map(image))?;
+    writer.write_image_data(pixels)?;
     writer.finish()?;
     Ok(bytes)
 }

@@ -1,66 +1,35 @@
-//! Writes the solution as a table with one row per patch.
+//! Writes tables with one row per patch.
 
 use std::io::{self, Write};
 
-use crate::matrix::operator::Block;
+use super::series::SeriesQuantity;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 
-/// Writes one row per patch: its id, surface, area in m², centroid in m, `quantities` (name, value per channel), and `scalars`, which have no channels.
+/// Writes one row per patch: its id, surface, area in m², centroid in m, and `quantities`, whose channels are columns `NAME_CHANNEL`.
 ///
 /// Numbers have the fewest digits that read back as the same f64. Names are quoted where necessary (RFC 4180).
-///
-/// # Errors
-/// Errors of the writer.
-pub fn write_solution(
-    writer: &mut dyn Write,
-    scene: &Scene,
-    mesh: &Mesh,
-    quantities: &[(&str, &Block)],
-    scalars: &[(&str, Vec<f64>)],
-) -> io::Result<()> {
-    let columns = quantities.iter().flat_map(|(name, block)| {
-        let channels = channel_names(block.n_channels()).into_iter();
-        channels.map(move |channel| format!("{name}_{channel}"))
-    });
-    let columns = columns.chain(scalars.iter().map(|(name, _)| (*name).to_owned()));
-    write_rows(writer, scene, mesh, columns, |i| {
-        let of_channels = quantities.iter();
-        let of_channels = of_channels.flat_map(move |(_, block)| block.row(i).iter().copied());
-        of_channels.chain(scalars.iter().map(move |(_, values)| values[i]))
-    })
-}
-
-/// Writes one row per patch, as [`write_solution`] does, with one value of each of `quantities`.
 pub(super) fn write_patches(
     writer: &mut dyn Write,
     scene: &Scene,
     mesh: &Mesh,
-    quantities: &[(&str, &[f64])],
-) -> io::Result<()> {
-    let columns = quantities.iter().map(|(name, _)| (*name).to_owned());
-    write_rows(writer, scene, mesh, columns, |i| {
-        quantities.iter().map(move |(_, values)| values[i])
-    })
-}
-
-fn write_rows<V: Iterator<Item = f64>>(
-    writer: &mut dyn Write,
-    scene: &Scene,
-    mesh: &Mesh,
-    columns: impl Iterator<Item = String>,
-    values: impl Fn(usize) -> V,
+    quantities: &[SeriesQuantity],
 ) -> io::Result<()> {
     write!(writer, "patch,surface,area_m2,x_m,y_m,z_m")?;
-    for name in columns {
-        write!(writer, ",{name}")?;
+    for SeriesQuantity { name, channels, .. } in quantities {
+        match channels {
+            None => write!(writer, ",{name}")?,
+            Some(n) => channel_names(*n)
+                .iter()
+                .try_for_each(|channel| write!(writer, ",{name}_{channel}"))?,
+        }
     }
     writeln!(writer)?;
     for (i, patch) in mesh.patches.iter().enumerate() {
         let name = quoted(&scene.surfaces[patch.surface.0 as usize].name);
         let c = patch.centroid;
         write!(writer, "{i},{name},{:?},{:?},{:?},{:?}", patch.area, c.x, c.y, c.z)?;
-        for value in values(i) {
+        for value in quantities.iter().flat_map(|own| own.of_patch(i)) {
             write!(writer, ",{value:?}")?;
         }
         writeln!(writer)?;

@@ -86,14 +86,14 @@ impl CurvePlot {
                 let hint = format!("{}: {} {right}, {} {up:.4e}", curve.name, self.x_label, self.y_label);
                 (place, hint)
             });
-            frame.hints.extend(hints);
+            frame.notes.hints.extend(hints);
             chart.draw_series([PathElement::new(points, style)])?;
             // Lines through many points are marked at a few of them, which differ from line to line.
             let step = if self.marked { 1 } else { (places.len() / 6).max(1) };
             for place in places.into_iter().skip(curve.style % step).step_by(step) {
                 mark(&frame.root, place, curve.style)?;
             }
-            frame.keys.push((curve.name.clone(), curve.style));
+            frame.notes.keys.push((curve.name.clone(), curve.style));
             frame.legend.entry(&curve.name, |area, place| {
                 dashes(area, place, style, &[(-15, 15)])?;
                 mark(area, place, curve.style)

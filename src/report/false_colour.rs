@@ -1,6 +1,6 @@
 //! Images of a quantity in false colour, with a scale.
 
-use std::io::{self, Write};
+use std::io::{self, Write as _};
 use std::path::Path;
 
 use plotters::element::{Rectangle, Text};
@@ -81,11 +81,9 @@ impl FalseColour {
     /// # Errors
     /// [`ReportError::Unwritable`].
     pub fn write(&self, path: &Path) -> Result<(), ReportError> {
-        let write = |writer: &mut dyn Write| {
-            let bytes = self.to_png().map_err(io::Error::other)?;
-            writer.write_all(&bytes)
-        };
-        file::write(path, |writer| write(writer))
+        file::write(path, |writer| {
+            writer.write_all(&self.to_png().map_err(io::Error::other)?)
+        })
     }
 
     /// Returns the least and the greatest value.

@@ -4,15 +4,18 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
+use serde_json::{Map, Value, json};
 use sha2::{Digest as _, Sha256};
 
 use super::ReportError;
 use super::description::FileCheck;
+use crate::mesh::Mesh;
+use crate::scene::Scene;
 use crate::scene::hash::hexadecimal;
 use crate::whole_file;
 
 /// Returns the format of a file's ending, among those `known` for this content.
-pub(super) fn by_ending<F: Copy>(path: &Path, content: &'static str, known: &[(&str, F)]) -> Result<F, ReportError> {
+pub(crate) fn by_ending<F: Copy>(path: &Path, content: &'static str, known: &[(&str, F)]) -> Result<F, ReportError> {
     let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
     let found = known.iter().find(|(name, _)| ending.as_deref() == Some(name.as_ref()));
     found.map(|&(_, format)| format).ok_or_else(|| {
@@ -31,6 +34,18 @@ pub(super) fn write(
     content: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
 ) -> Result<(), ReportError> {
     whole_file::write(path, content).map_err(|source| ReportError::unwritable(path, source))
+}
+
+/// Returns the members that the descriptions of files with values on patches share.
+pub(super) fn described(format: &str, (scene, mesh): (&Scene, &Mesh), settings: &Map<String, Value>) -> Value {
+    json!({
+        "format": format,
+        "n_patches": mesh.n_patches(),
+        "geometry_sha256": mesh.geometry_hash(),
+        "scene_sha256": scene.content_hash(),
+        "surfaces": scene.surfaces.iter().map(|s| &s.name).collect::<Vec<_>>(),
+        "settings": settings,
+    })
 }
 
 /// Writes bytes, counts and hashes them.

@@ -20,6 +20,7 @@
 //!
 //! Every file contains this description, the hash of the patches' geometry and the settings; it holds no time, path or number of threads, and equal content gives equal bytes.
 
+use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -29,8 +30,8 @@ use serde_json::{Map, Value};
 use super::file::{Hashed, by_ending};
 use super::npy::{Dtype, Header};
 use super::npz::{NpzWriter, write_numbers};
+use super::series::SeriesQuantity;
 use super::sky::sky_columns;
-use super::vtu::CellData;
 use super::{Description, ReportError, coloured, matrix_csv, matrix_exr, mtx, view3d, vtu};
 use crate::form_factor::{PairCounts, SkyFactors};
 use crate::matrix::operator::Block;
@@ -149,49 +150,16 @@ impl FormFactorReport<'_> {
             Format::Npz if !self.dense => self.row_counts(),
             _ => Vec::new(),
         };
-        // After a failed read, the file is removed as if it had never been begun.
-        let readable = || factors.if_readable(()).map_err(io::Error::other);
-        let write = || match format {
-            Format::Npz => whole_file::write(path, |writer| {
-                self.write_npz(writer, &counts)?;
-                readable()
-            }),
-            Format::Npy => self.write_npy(path),
-            Format::Mtx => whole_file::write(path, |writer| {
-                mtx::write(writer, factors, self.description())?;
-                readable()
-            }),
-            Format::Csv => whole_file::write(path, |writer| {
-                let patch_surfaces = self.patch_surfaces();
-                let surfaces = factors.surface_rows(&patch_surfaces, self.scene.surfaces.len());
-                let sky = self
-                    .sky
-                    .map(|sky| sky.of_surfaces(self.mesh, self.scene.surfaces.len()));
-                let columns = sky.as_ref().map(sky_columns);
-                matrix_csv::write(writer, self.scene, &surfaces, columns.as_ref(), &self.description())?;
-                readable()
-            }),
-            Format::Ply => self.write_coloured(path, coloured::Format::Ply),
-            Format::Obj => self.write_coloured(path, coloured::Format::Obj),
-            Format::View3D => whole_file::write(path, |writer| {
-                let patch_surfaces = self.patch_surfaces();
-                let surfaces = factors.surface_rows(&patch_surfaces, self.scene.surfaces.len());
-                view3d::write(writer, self.scene, &surfaces, self.is_closed)?;
-                readable()
-            }),
-            Format::Exr => whole_file::write(path, |writer| {
-                matrix_exr::write(writer, factors, &self.description()).map_err(io::Error::other)?;
-                readable()
-            }),
-            Format::Vtu => whole_file::write(path, |writer| {
-                let description = self.description().to_json();
-                vtu::write(writer, self.scene, self.mesh, &description, &self.cell_data())?;
-                readable()
-            }),
-        };
         // The first rank writes the rows of all.
-        let written = factors.by_first(write).unwrap_or(Ok(()));
-        written.map_err(|source| match factors.failure() {
+        let written = factors.by_first(|| match format {
+            Format::Npy => self.write_npy(path),
+            _ => whole_file::write(path, |writer| {
+                self.write_one(format, writer, &counts)?;
+                // After a failed read, the file is removed as if it had never been begun.
+                factors.if_readable(()).map_err(io::Error::other)
+            }),
+        });
+        written.unwrap_or(Ok(())).map_err(|source| match factors.failure() {
             Some(error) => ReportError::Scratch {
                 path: path.to_owned(),
                 source: error.clone(),
@@ -200,12 +168,37 @@ impl FormFactorReport<'_> {
         })
     }
 
-    fn patch_surfaces(&self) -> Vec<u32> {
-        self.mesh.patches.iter().map(|patch| patch.surface.0).collect()
+    /// Writes the content of a format of one file.
+    fn write_one(&self, format: Format, writer: &mut BufWriter<&mut File>, counts: &[[usize; 2]]) -> io::Result<()> {
+        let (scene, factors) = (self.scene, self.factors);
+        let n_surfaces = scene.surfaces.len();
+        let surface_of_patch: Vec<u32> = self.mesh.patches.iter().map(|patch| patch.surface.0).collect();
+        match format {
+            Format::Npz => self.write_npz(writer, counts),
+            Format::Mtx => mtx::write(writer, factors, self.description()),
+            Format::Csv => {
+                let sky = self.sky.map(|sky| sky.of_surfaces(self.mesh, n_surfaces));
+                let columns = sky.as_ref().map(sky_columns);
+                let rows = factors.surface_rows(&surface_of_patch, n_surfaces);
+                matrix_csv::write(writer, scene, &rows, columns.as_ref(), &self.description())
+            }
+            Format::View3D => {
+                let rows = factors.surface_rows(&surface_of_patch, n_surfaces);
+                view3d::write(writer, scene, &rows, self.is_closed)
+            }
+            Format::Ply => self.write_coloured(writer, coloured::Format::Ply),
+            Format::Obj => self.write_coloured(writer, coloured::Format::Obj),
+            Format::Exr => matrix_exr::write(writer, factors, &self.description()).map_err(io::Error::other),
+            Format::Vtu => {
+                let description = self.description().to_json();
+                vtu::write(writer, (scene, self.mesh), &description, &self.cell_data())
+            }
+            Format::Npy => unreachable!("it has two files"),
+        }
     }
 
     /// Returns the values of every patch for `.vtu`.
-    fn cell_data(&self) -> Vec<CellData> {
+    fn cell_data(&self) -> Vec<SeriesQuantity> {
         let n = self.factors.n_rows();
         let sum_to = |i: usize, counts: &dyn Fn(usize) -> bool| {
             let mut sums = (0.0, 0.0);
@@ -220,14 +213,13 @@ impl FormFactorReport<'_> {
         let columns = |name: &str, counts: &(dyn Fn(usize) -> bool + Sync)| {
             let (sums, errors) = threads::collect(n, |i| sum_to(i, counts)).into_iter().unzip();
             [
-                CellData::new(name, 1, sums),
-                CellData::new(format!("{name}_error"), 1, errors),
+                SeriesQuantity::scalar(name, sums),
+                SeriesQuantity::scalar(format!("{name}_error"), errors),
             ]
         };
         let mut data = Vec::from(columns("row_sum", &|_| true));
-        for (name, values) in self.sky.map(sky_columns).into_iter().flatten() {
-            data.push(CellData::new(name, 1, values));
-        }
+        let sky = self.sky.map(sky_columns).into_iter().flatten();
+        data.extend(sky.map(|(name, values)| SeriesQuantity::scalar(name, values)));
         if let Some(surface) = self.surface {
             let name = format!("form_factor_to_{}", self.scene.surfaces[surface.0 as usize].name);
             data.extend(columns(&name, &|j| self.mesh.patches[j].surface == surface));
@@ -236,7 +228,7 @@ impl FormFactorReport<'_> {
     }
 
     /// Writes patches in the colours of the form factor to the surface, else of the sky factor, else of the row sum.
-    fn write_coloured(&self, path: &Path, format: coloured::Format) -> io::Result<()> {
+    fn write_coloured(&self, writer: &mut dyn Write, format: coloured::Format) -> io::Result<()> {
         let data = self.cell_data();
         let wanted = match (self.surface, self.sky) {
             (Some(surface), _) => format!("form_factor_to_{}", self.scene.surfaces[surface.0 as usize].name),
@@ -251,15 +243,12 @@ impl FormFactorReport<'_> {
             unit: "1",
             values: &Block::from_values(column.values.clone(), 1),
         };
-        whole_file::write(path, |writer| {
-            coloured::write(writer, format, (self.scene, self.mesh), &quantity)?;
-            self.factors.if_readable(()).map_err(io::Error::other)
-        })
+        coloured::write(writer, format, (self.scene, self.mesh), &quantity)
     }
 
     /// Writes F in full, and then the description with its checksum beside it.
     fn write_npy(&self, path: &Path) -> io::Result<()> {
-        let n = self.factors.n_rows() as u64;
+        let n = self.factors.n_rows();
         let mut description = self.description();
         let matrix = whole_file::prepare(path, |writer| {
             let mut hashed = Hashed::new(writer);
@@ -319,7 +308,7 @@ impl FormFactorReport<'_> {
     }
 
     fn add_dense<W: Write + io::Seek>(&self, npz: &mut NpzWriter<W>) -> io::Result<()> {
-        let n = self.factors.n_rows() as u64;
+        let n = self.factors.n_rows();
         let header = |dtype| Header::new(dtype, &[n, n]);
         npz.array("F", &header(self.dtype()), |writer| {
             self.write_rows(self.dtype(), writer, |value, _| value)
@@ -382,23 +371,26 @@ impl FormFactorReport<'_> {
         let n = self.factors.n_rows();
         let total = |k: usize| counts.iter().map(|of_row| of_row[k]).sum::<usize>();
         let lists_open = total(1) <= MAX_OPEN * total(0);
-        let mut begins = vec![0_i64];
-        let mut n_entries = 0_i64;
+        let mut begins = vec![0];
+        let mut size = 0_usize;
         for [n_stored, n_open] in counts {
-            let n_listed = if lists_open { n_stored + n_open } else { *n_stored };
-            n_entries += i64::try_from(n_listed).unwrap_or(i64::MAX);
-            begins.push(n_entries);
+            size += if lists_open { n_stored + n_open } else { *n_stored };
+            begins.push(size);
         }
-        let size = n_entries.unsigned_abs();
         // SciPy requires both index arrays to have one type.
-        let narrow = begins.iter().map(|&b| i32::try_from(b)).collect::<Result<Vec<_>, _>>();
-        let narrow = narrow.ok().filter(|_| i32::try_from(n).is_ok());
+        let narrow = begins
+            .iter()
+            .map(|&b| i32::try_from(b).ok())
+            .collect::<Option<Vec<_>>>();
+        let narrow = narrow.filter(|_| i32::try_from(n).is_ok());
         npz.array("format", &Header::new(Dtype::Bytes(3), &[]), |w| w.write_all(b"csr"))?;
         npz.numbers("shape", &[2], &[n as u64, n as u64].map(u64::cast_signed))?;
         let index = if narrow.is_some() { Dtype::I32 } else { Dtype::I64 };
-        match &narrow {
-            Some(narrow) => npz.numbers("indptr", &[n + 1], narrow)?,
-            None => npz.numbers("indptr", &[n + 1], &begins)?,
+        if let Some(narrow) = &narrow {
+            npz.numbers("indptr", &[n + 1], narrow)?;
+        } else {
+            let wide = begins.iter().map(|&b| (b as u64).cast_signed());
+            npz.numbers("indptr", &[n + 1], &wide.collect::<Vec<_>>())?;
         }
         npz.array("indices", &Header::new(index, &[size]), |writer| {
             self.for_each_row(lists_open, |row| {

@@ -20,11 +20,13 @@ use super::paper::{Canvas, HEIGHT, Paper, WIDTH};
 #[error("the plot cannot be drawn: {0}")]
 pub struct PlotError(String);
 
+#[expect(clippy::needless_pass_by_value, reason = "it maps errors")]
+fn failed(error: Box<dyn std::error::Error>) -> PlotError {
+    PlotError(error.to_string())
+}
+
 /// The result of the drawing library.
 pub(super) type DrawResult = Result<(), Box<dyn std::error::Error>>;
-
-/// Positions of points, with the text that a browser shows under the mouse.
-pub(super) type Hints = Vec<((i32, i32), String)>;
 
 /// A part of the paper.
 pub(super) type Area<'a> = DrawingArea<Paper<'a>, Shift>;
@@ -43,15 +45,16 @@ pub(super) struct Frame<'a> {
     pub(super) root: Area<'a>,
     pub(super) plot: Area<'a>,
     pub(super) legend: Legend<'a>,
-    pub(super) hints: Hints,
-    /// The names in the plot, each with the number of its colour and mark.
-    pub(super) keys: Vec<(String, usize)>,
+    pub(super) notes: Notes,
 }
 
 /// The parts of an SVG that are not drawn.
-struct Notes {
-    hints: Hints,
-    keys: Vec<(String, usize)>,
+#[derive(Default)]
+pub(super) struct Notes {
+    /// Positions of points, with the text that a browser shows under the mouse.
+    pub(super) hints: Vec<((i32, i32), String)>,
+    /// The names in the plot, each with the number of its colour and mark.
+    pub(super) keys: Vec<(String, usize)>,
 }
 
 /// The list of the plot's names, from top to bottom.
@@ -71,7 +74,7 @@ pub(super) fn to_svg(
 ) -> Result<String, PlotError> {
     let mut svg = String::new();
     let paper = Paper::Svg(SVGBackend::with_string(&mut svg, (WIDTH, HEIGHT)));
-    let notes = on_paper(paper, title, subtitle, draw)?;
+    let notes = on_paper(paper, title, subtitle, draw).map_err(failed)?;
     Ok(with_notes(&svg, &format!("{title}. {description}"), &notes))
 }
 
@@ -82,8 +85,8 @@ pub(super) fn to_png(
     draw: impl FnOnce(&mut Frame<'_>) -> DrawResult,
 ) -> Result<Vec<u8>, PlotError> {
     let mut canvas = Canvas::new();
-    on_paper(Paper::Pixels(&mut canvas), title, subtitle, draw)?;
-    canvas.to_png().map_err(|error| PlotError(error.to_string()))
+    on_paper(Paper::Pixels(&mut canvas), title, subtitle, draw).map_err(failed)?;
+    canvas.to_png().map_err(|error| failed(error.into()))
 }
 
 /// Adds the description, the names as metadata in lines `STYLE NAME`, and an invisible circle for every point, above everything else.
@@ -120,17 +123,8 @@ fn on_paper<'a>(
     title: &str,
     subtitle: &str,
     draw: impl FnOnce(&mut Frame<'a>) -> DrawResult,
-) -> Result<Notes, PlotError> {
-    register_fonts()?;
-    sheet(paper, title, subtitle, draw).map_err(|error| PlotError(error.to_string()))
-}
-
-fn sheet<'a>(
-    paper: Paper<'a>,
-    title: &str,
-    subtitle: &str,
-    draw: impl FnOnce(&mut Frame<'a>) -> DrawResult,
 ) -> Result<Notes, Box<dyn std::error::Error>> {
+    register_fonts()?;
     let root = paper.into_drawing_area();
     root.fill(&WHITE)?;
     let heading = (FONT, 18.0, FontStyle::Bold).into_text_style(&root);
@@ -139,20 +133,15 @@ fn sheet<'a>(
     let (_, below) = root.split_vertically(66);
     let (plot, legend) = below.split_horizontally(WIDTH.cast_signed() - LEGEND);
     let legend = Legend { area: legend, y: 16 };
-    let hints = Vec::new();
     let mut frame = Frame {
         root,
         plot,
         legend,
-        hints,
-        keys: Vec::new(),
+        notes: Notes::default(),
     };
     draw(&mut frame)?;
     frame.root.present()?;
-    Ok(Notes {
-        hints: frame.hints,
-        keys: frame.keys,
-    })
+    Ok(frame.notes)
 }
 
 /// Draws axes with a mesh, and returns the chart to draw on.
@@ -215,13 +204,13 @@ pub(super) fn dashes(area: &Area<'_>, (x, y): (i32, i32), style: ShapeStyle, par
 }
 
 /// Registers the font with the drawing library.
-fn register_fonts() -> Result<(), PlotError> {
+fn register_fonts() -> DrawResult {
     let font = [
         (FontStyle::Normal, dejavu::sans::regular()),
         (FontStyle::Bold, dejavu::sans::bold()),
     ];
     for (style, bytes) in font {
-        register_font(FONT, style, bytes).map_err(|_| PlotError("its font cannot be read".to_owned()))?;
+        register_font(FONT, style, bytes).map_err(|_| "its font cannot be read")?;
     }
     Ok(())
 }

@@ -9,15 +9,15 @@
 //!
 //! The unit of a quantity is in its name, and `NAME_error` is an estimate of its absolute error, infinite where unknown.
 
-use std::io::{self, Seek, Write};
 use std::path::Path;
 
 use serde_json::{Map, Value, json};
 
-use super::npz::NpzWriter;
+use super::coloured::Quantity;
+use super::patches::PatchFile;
+use super::series::SeriesQuantity;
 use super::solution::Format;
-use super::vtu::CellData;
-use super::{ReportError, coloured, csv, file, vtu};
+use super::{ReportError, file};
 use crate::heat::Heat;
 use crate::matrix::operator::Block;
 use crate::mesh::Mesh;
@@ -43,63 +43,25 @@ impl HeatReport<'_> {
     /// [`ReportError::UnknownFormat`], [`ReportError::Unwritable`].
     pub fn write(&self, path: &Path) -> Result<(), ReportError> {
         let format = Format::of(path)?;
-        file::write(path, |writer| match format {
-            Format::Csv => self.write_csv(writer),
-            Format::Npz => self.write_npz(writer),
-            Format::Vtu => self.write_vtu(writer),
-            Format::Ply => self.write_coloured(writer, coloured::Format::Ply),
-            Format::Obj => self.write_coloured(writer, coloured::Format::Obj),
-        })
-    }
-
-    fn description(&self) -> String {
-        let description = json!({
-            "format": "radiosity heat 1",
-            "n_patches": self.mesh.n_patches(),
-            "geometry_sha256": self.mesh.geometry_hash(),
-            "scene_sha256": self.scene.content_hash(),
-            "surfaces": self.scene.surfaces.iter().map(|s| &s.name).collect::<Vec<_>>(),
-            "balance": self.heat.balance,
-            "settings": self.settings,
-        });
-        format!("{description:#}")
-    }
-
-    fn write_csv(&self, writer: &mut dyn Write) -> io::Result<()> {
-        csv::write_description(writer, &self.description())?;
         let quantities = self.heat.patches.iter();
-        let quantities: Vec<_> = quantities.map(|(name, values)| (*name, values.as_slice())).collect();
-        csv::write_patches(writer, self.scene, self.mesh, &quantities)
-    }
-
-    fn write_npz<W: Write + Seek>(&self, writer: W) -> io::Result<()> {
-        let mut npz = NpzWriter::new(writer);
-        npz.bytes("meta.json", self.description().as_bytes())?;
-        for (name, values) in &self.heat.patches {
-            npz.numbers(name, &[values.len()], values)?;
-        }
-        npz.patches(self.mesh)?;
-        npz.finish()
-    }
-
-    fn write_coloured(&self, writer: &mut dyn Write, format: coloured::Format) -> io::Result<()> {
-        let temperatures = self.heat.patches.iter().find(|(name, _)| *name == "temperature_k");
-        let Some((name, values)) = temperatures else {
-            return Err(io::Error::other("no temperatures"));
-        };
-        let quantity = coloured::Quantity {
-            name,
-            unit: "K",
-            values: &Block::from_values(values.clone(), 1),
-        };
-        coloured::write(writer, format, (self.scene, self.mesh), &quantity)
-    }
-
-    fn write_vtu(&self, writer: &mut dyn Write) -> io::Result<()> {
-        let quantities = self.heat.patches.iter();
-        let data: Vec<_> = quantities
-            .map(|(name, values)| CellData::new(*name, 1, values.clone()))
+        let quantities: Vec<_> = quantities
+            .map(|(name, values)| SeriesQuantity::scalar(*name, values.clone()))
             .collect();
-        vtu::write(writer, self.scene, self.mesh, &self.description(), &data)
+        let shown = quantities.iter().find(|own| own.name == "temperature_k");
+        let kelvin = shown.map_or(Vec::new(), |own| own.values.clone());
+        let mut description = file::described("radiosity heat 1", (self.scene, self.mesh), self.settings);
+        description["balance"] = json!(self.heat.balance);
+        let file = PatchFile {
+            scene: self.scene,
+            mesh: self.mesh,
+            description: format!("{description:#}"),
+            quantities,
+            shown: Quantity {
+                name: "temperature_k",
+                unit: "K",
+                values: &Block::from_values(kelvin, 1),
+            },
+        };
+        file.write(path, format)
     }
 }

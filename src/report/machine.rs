@@ -41,4 +41,10 @@ impl Machine {
             system: std::env::consts::OS,
         }
     }
+
+    /// Returns the processor's name, or its architecture where the system does not tell.
+    #[must_use]
+    pub fn processor(&self) -> &str {
+        self.cpu_model.as_deref().unwrap_or(self.architecture)
+    }
 }

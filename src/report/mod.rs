@@ -1,7 +1,7 @@
 //! Reports of runs, and the files that carry results to other programs.
 
 mod coloured;
-pub mod csv;
+mod csv;
 #[cfg(feature = "reports")]
 pub mod curves;
 mod description;
@@ -31,6 +31,7 @@ mod npz;
 pub mod page;
 #[cfg(feature = "reports")]
 mod paper;
+mod patches;
 #[cfg(feature = "reports")]
 pub mod plot;
 pub mod points;
@@ -51,6 +52,8 @@ use serde::Serialize;
 
 pub use description::Description;
 pub use error::ReportError;
+#[cfg(feature = "cli")]
+pub(crate) use file::by_ending;
 #[cfg(feature = "reports")]
 pub use machine::{Machine, load_average};
 pub use memory::{memory_available_byte, memory_peak_byte, memory_used_byte};

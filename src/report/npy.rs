@@ -73,8 +73,8 @@ const MAGIC: &[u8] = b"\x93NUMPY";
 const HEADER_LIMIT: u32 = 4096;
 
 impl Header {
-    pub(super) fn new(dtype: Dtype, shape: &[u64]) -> Self {
-        let shape = shape.to_vec();
+    pub(super) fn new(dtype: Dtype, shape: &[usize]) -> Self {
+        let shape = shape.iter().map(|&n| n as u64).collect();
         Self { dtype, shape }
     }
 

@@ -124,8 +124,7 @@ impl<W: Write + Seek> NpzWriter<W> {
 
     /// Adds an array of numbers in memory.
     pub(super) fn numbers<T: Element>(&mut self, name: &str, shape: &[usize], numbers: &[T]) -> io::Result<()> {
-        let shape: Vec<u64> = shape.iter().map(|&n| n as u64).collect();
-        self.array(name, &Header::new(T::DTYPE, &shape), |writer| {
+        self.array(name, &Header::new(T::DTYPE, shape), |writer| {
             write_numbers(writer, numbers)
         })
     }
@@ -133,7 +132,7 @@ impl<W: Write + Seek> NpzWriter<W> {
     /// Adds an array of texts.
     pub(super) fn texts(&mut self, name: &str, texts: &[String]) -> io::Result<()> {
         let texts: Vec<&str> = texts.iter().map(String::as_str).collect();
-        self.texts_of_shape(name, &[texts.len() as u64], &texts)
+        self.texts_of_shape(name, &[texts.len()], &texts)
     }
 
     /// Adds one text, an array without dimensions.
@@ -141,7 +140,7 @@ impl<W: Write + Seek> NpzWriter<W> {
         self.texts_of_shape(name, &[], &[text])
     }
 
-    fn texts_of_shape(&mut self, name: &str, shape: &[u64], texts: &[&str]) -> io::Result<()> {
+    fn texts_of_shape(&mut self, name: &str, shape: &[usize], texts: &[&str]) -> io::Result<()> {
         let length = texts.iter().map(|text| text.chars().count()).max().unwrap_or(0).max(1);
         self.array(name, &Header::new(Dtype::Text(length as u64), shape), |writer| {
             for text in texts {

@@ -172,10 +172,7 @@ impl Page<'_> {
         };
         row("radiosity", env!("CARGO_PKG_VERSION"));
         let machine = self.machine;
-        row(
-            "processor",
-            machine.cpu_model.as_deref().unwrap_or(machine.architecture),
-        );
+        row("processor", machine.processor());
         row("threads", &machine.n_threads.to_string());
         row("system", &format!("{} on {}", machine.system, machine.architecture));
         for (name, value) in self.settings.as_object().into_iter().flatten() {

@@ -6,6 +6,9 @@ use ab_glyph::{Font as _, FontRef, ScaleFont as _};
 use plotters::prelude::{DrawingBackend, SVGBackend};
 use plotters_backend::text_anchor::{HPos, VPos};
 use plotters_backend::{BackendColor, BackendCoord, BackendStyle, BackendTextStyle, DrawingErrorKind, FontStyle};
+use png::{ColorType, EncodingError};
+
+use crate::render::png::encode_bytes;
 
 /// The width of a plot in its unit of length, the pixel of an SVG.
 pub(super) const WIDTH: u32 = 960;
@@ -40,7 +43,7 @@ impl Canvas {
     }
 
     /// Returns the PNG: each pixel is the mean of its samples.
-    pub(super) fn to_png(&self) -> std::result::Result<Vec<u8>, png::EncodingError> {
+    pub(super) fn to_png(&self) -> std::result::Result<Vec<u8>, EncodingError> {
         let (width, height) = (COLUMNS / SAMPLES, ROWS / SAMPLES);
         let mut pixels = Vec::with_capacity(3 * width * height);
         for (y, x, channel) in (0..height).flat_map(|y| (0..width).flat_map(move |x| (0..3).map(move |c| (y, x, c)))) {
@@ -49,15 +52,7 @@ impl Canvas {
             let sum: u32 = block.iter().map(|&k| u32::from(self.0[k][channel])).sum();
             pixels.push(u8::try_from((sum + 2) / 4).unwrap_or(u8::MAX));
         }
-        let mut bytes = Vec::new();
-        let scale = u32::try_from(SCALE).map_err(|_| png::EncodingError::LimitsExceeded)?;
-        let mut encoder = png::Encoder::new(&mut bytes, WIDTH * scale, HEIGHT * scale);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_depth(png::BitDepth::Eight);
-        let mut writer = encoder.write_header()?;
-        writer.write_image_data(&pixels)?;
-        writer.finish()?;
-        Ok(bytes)
+        encode_bytes([width, height], ColorType::Rgb, None, &pixels)
     }
 
     fn blend(&mut self, sample: usize, color: BackendColor) {

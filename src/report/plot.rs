@@ -150,7 +150,7 @@ impl ErrorTimePlot {
                 mark(&frame.root, place, series.style)?;
                 let (time, error) = (shown_value(point.time_s), shown_value(point.error));
                 let hint = format!("{}, {}: {time} s, error {error}", series.name, point.setting);
-                frame.hints.push((place, hint));
+                frame.notes.hints.push((place, hint));
             }
         }
         self.draw_legend(frame, reference_error.is_some())
@@ -158,7 +158,7 @@ impl ErrorTimePlot {
 
     fn draw_legend(&self, frame: &mut Frame<'_>, has_reference: bool) -> DrawResult {
         for series in &self.series {
-            frame.keys.push((series.name.clone(), series.style));
+            frame.notes.keys.push((series.name.clone(), series.style));
             frame.legend.entry(&series.name, |area, place| {
                 if self.joined {
                     dashes(area, place, faint_line(series.style), &[(-15, 15)])?;

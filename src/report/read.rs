@@ -189,22 +189,14 @@ impl FormFactorFile {
         match &self.description.file {
             Some(check) if Format::to_read(&self.path)? == Format::Mtx => {
                 let entries = MtxRows::open(&self.path, n, check.clone())?;
-                Ok(Rows {
-                    source: Source::Text(entries),
-                    n,
-                    buffer: Default::default(),
-                    columns: Vec::new(),
-                    skips_open: false,
-                })
+                Ok(Rows::new(Source::Text(entries), n))
             }
             Some(check) => Rows::in_full(Array::open_npy(&self.path, check)?, None, n),
             None => {
                 let mut archive = Archive::open(&self.path)?;
-                let skips_open = archive.has("open_error");
-                Ok(Rows {
-                    skips_open,
-                    ..Rows::open(&mut archive, n)?
-                })
+                let mut rows = Rows::open(&mut archive, n)?;
+                rows.skips_open = archive.has("open_error");
+                Ok(rows)
             }
         }
     }
@@ -401,9 +393,9 @@ enum Source {
 }
 
 impl Rows {
-    fn new(values: Array, errors: Option<Array>, n: usize, sparse: Option<(Array, Vec<u64>)>) -> Self {
+    fn new(source: Source, n: usize) -> Self {
         Self {
-            source: Source::Arrays { values, errors, sparse },
+            source,
             n,
             buffer: Default::default(),
             columns: Vec::new(),
@@ -416,7 +408,8 @@ impl Rows {
         for array in [&values].into_iter().chain(&errors) {
             array.expect_shape(&[n as u64; 2])?;
         }
-        Ok(Self::new(values, errors, n, None))
+        let sparse = None;
+        Ok(Self::new(Source::Arrays { values, errors, sparse }, n))
     }
 
     fn open(archive: &mut Archive, n: usize) -> Result<Self, ReportError> {
@@ -441,11 +434,9 @@ impl Rows {
         begins.expect_shape(&[n as u64 + 1])?;
         let mut begin = Vec::new();
         begins.next_counts(n + 1, &mut begin)?;
-        let (values, errors, columns) = (
-            archive.array("data")?,
-            archive.array("error")?,
-            archive.array("indices")?,
-        );
+        let values = archive.array("data")?;
+        let errors = archive.array("error")?;
+        let columns = archive.array("indices")?;
         let size = [values.header.shape.first().copied().unwrap_or(0)];
         for array in [&values, &errors, &columns] {
             array.expect_shape(&size)?;
@@ -454,7 +445,8 @@ impl Rows {
             return Err(begins.error("the rows do not follow each other"));
         }
         begins.finish()?;
-        Ok(Self::new(values, Some(errors), n, Some((columns, begin))))
+        let (errors, sparse) = (Some(errors), Some((columns, begin)));
+        Ok(Self::new(Source::Arrays { values, errors, sparse }, n))
     }
 
     fn precision(&self) -> Precision {

@@ -14,10 +14,12 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use super::file::{self, by_ending};
 use super::npy::{Element as _, Header};
 use super::npz::{NpzWriter, write_numbers};
-use super::vtu::{CellData, Collected};
-use super::{ReportError, pretty, vtu};
+use super::vtu::Collected;
+use super::{ReportError, vtu};
+use crate::matrix::operator::Block;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 use crate::whole_file;
@@ -71,19 +73,6 @@ pub struct SeriesReport<'a> {
     pub settings: &'a Map<String, Value>,
 }
 
-/// The metadata of a series, in JSON.
-#[derive(Debug, Serialize)]
-struct SeriesDescription<'a> {
-    format: &'static str,
-    n_steps: usize,
-    time_unit: &'a str,
-    n_patches: usize,
-    geometry_sha256: String,
-    scene_sha256: String,
-    surfaces: Vec<&'a str>,
-    settings: &'a Map<String, Value>,
-}
-
 /// Receives blocks, and writes the file of all of them.
 #[derive(Debug)]
 pub struct SeriesWriter {
@@ -118,15 +107,24 @@ impl SeriesQuantity {
         }
     }
 
-    /// Returns the number of values at one time.
-    fn width(&self, n_patches: usize) -> usize {
-        n_patches * self.channels.unwrap_or(1)
+    /// Returns a block as a quantity.
+    pub(crate) fn of_block(name: &str, block: &Block) -> Self {
+        Self::of_channels(name, block.n_channels(), block.values().to_vec())
+    }
+
+    /// Returns the numbers of one patch at one time.
+    pub(super) fn n_components(&self) -> usize {
+        self.channels.unwrap_or(1)
+    }
+
+    /// Returns the values of a patch at the first time.
+    pub(super) fn of_patch(&self, patch: usize) -> &[f64] {
+        &self.values[patch * self.n_components()..(patch + 1) * self.n_components()]
     }
 
     /// Returns the array's shape for `first` times, or without times.
-    fn shape(&self, first: Option<usize>, n_patches: usize) -> Vec<u64> {
-        let all = first.into_iter().chain([n_patches]).chain(self.channels);
-        all.map(|n| n as u64).collect()
+    pub(super) fn shape(&self, first: Option<usize>, n_patches: usize) -> Vec<usize> {
+        first.into_iter().chain([n_patches]).chain(self.channels).collect()
     }
 }
 
@@ -142,7 +140,7 @@ impl SeriesWriter {
         Ok(Self {
             path: path.to_owned(),
             format,
-            scratch: scratch.map_err(|source| unwritable(path, source))?,
+            scratch: scratch.map_err(|source| ReportError::unwritable(path, source))?,
             blocks: Vec::new(),
             quantities: Vec::new(),
             constants: Vec::new(),
@@ -178,7 +176,7 @@ impl SeriesWriter {
             let mut all = block.quantities.iter();
             all.try_for_each(|own| write_numbers(&mut self.scratch, &own.values))
         });
-        written.map_err(|source| unwritable(&self.path, source))
+        written.map_err(|source| ReportError::unwritable(&self.path, source))
     }
 
     /// Writes the file, or files, of all blocks, atomically; returns the main file.
@@ -193,7 +191,7 @@ impl SeriesWriter {
             }
             Format::Vtu => self.write_vtus(report),
         };
-        written.map_err(|source| unwritable(&self.path, source))
+        written.map_err(|source| ReportError::unwritable(&self.path, source))
     }
 
     fn write_npz<W: Write + Seek>(&mut self, writer: W, report: &SeriesReport<'_>) -> io::Result<()> {
@@ -203,8 +201,7 @@ impl SeriesWriter {
         npz.numbers("time", &[report.times.len()], report.times)?;
         npz.texts("time_text", report.time_texts)?;
         for own in &self.constants {
-            let header = Header::new(f64::DTYPE, &own.shape(None, n));
-            npz.array(&own.name, &header, |array| write_numbers(array, &own.values))?;
+            npz.numbers(&own.name, &own.shape(None, n), &own.values)?;
         }
         for k in 0..self.quantities.len() {
             let own = &self.quantities[k];
@@ -233,9 +230,9 @@ impl SeriesWriter {
         let (start, n_steps) = self.blocks[block];
         let before: usize = self.quantities[..k]
             .iter()
-            .map(|own| own.width(n_patches) * n_steps)
+            .map(|own| own.n_components() * n_patches * n_steps)
             .sum();
-        let width = self.quantities[k].width(n_patches);
+        let width = self.quantities[k].n_components() * n_patches;
         let place = (before + steps.start * width) as u64 * size_of::<f64>() as u64;
         self.scratch.seek(SeekFrom::Start(start + place))?;
         let mut reader = BufReader::new(&mut self.scratch);
@@ -284,59 +281,29 @@ impl SeriesWriter {
     }
 
     /// Returns all quantities at one time.
-    fn at(&mut self, (block, step): (usize, usize), n_patches: usize) -> io::Result<Vec<CellData>> {
-        let mut data = Vec::new();
-        for k in 0..self.quantities.len() {
-            let mut values = Vec::new();
+    fn at(&mut self, (block, step): (usize, usize), n_patches: usize) -> io::Result<Vec<SeriesQuantity>> {
+        let mut data = self.quantities.clone();
+        for (k, own) in data.iter_mut().enumerate() {
             self.copy((block, k), step..step + 1, n_patches, &mut |numbers| {
-                values.extend_from_slice(numbers);
+                own.values.extend_from_slice(numbers);
                 Ok(())
             })?;
-            let own = &self.quantities[k];
-            data.push(CellData::new(own.name.clone(), own.channels.unwrap_or(1), values));
         }
-        for own in &self.constants {
-            data.push(CellData::new(
-                own.name.clone(),
-                own.channels.unwrap_or(1),
-                own.values.clone(),
-            ));
-        }
+        data.extend_from_slice(&self.constants);
         Ok(data)
     }
 }
 
 impl SeriesReport<'_> {
     fn description(&self) -> String {
-        pretty(&SeriesDescription {
-            format: "radiosity series 1",
-            n_steps: self.times.len(),
-            time_unit: self.time_unit,
-            n_patches: self.mesh.n_patches(),
-            geometry_sha256: self.mesh.geometry_hash(),
-            scene_sha256: self.scene.content_hash(),
-            surfaces: self.scene.surfaces.iter().map(|s| s.name.as_str()).collect(),
-            settings: self.settings,
-        })
+        let mut description = file::described("radiosity series 1", (self.scene, self.mesh), self.settings);
+        description["n_steps"] = self.times.len().into();
+        description["time_unit"] = self.time_unit.into();
+        format!("{description:#}")
     }
 }
 
 fn format_of(path: &Path) -> Result<Format, ReportError> {
-    let ending = path.extension().map(std::ffi::OsStr::to_ascii_lowercase);
-    match ending.as_ref().and_then(|e| e.to_str()) {
-        Some("npz") => Ok(Format::Npz),
-        Some("vtu" | "pvd") => Ok(Format::Vtu),
-        _ => Err(ReportError::UnknownFormat {
-            path: path.to_owned(),
-            content: "a series of times",
-            known: ".npz, .vtu, .pvd".into(),
-        }),
-    }
-}
-
-fn unwritable(path: &Path, source: io::Error) -> ReportError {
-    ReportError::Unwritable {
-        path: path.to_owned(),
-        source,
-    }
+    let known = [("npz", Format::Npz), ("vtu", Format::Vtu), ("pvd", Format::Vtu)];
+    by_ending(path, "a series of times", &known)
 }

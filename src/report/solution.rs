@@ -11,23 +11,22 @@
 //! escapes. They are left out if no form factors are stored, and `error` if their errors are unknown. In daylight `.npz` and `.vtu` also have `sunlit_fraction`, `sun_irradiance`, `sky_irradiance` and
 //! their errors. Radiosity, irradiance, exitance, residual and error are in W·m⁻², area in m², centroids in m.
 
-use std::io::{self, Seek, Write};
 use std::path::Path;
 
-use serde::Serialize;
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 
+use super::ReportError;
+use super::coloured::Quantity;
 use super::file::{self, by_ending};
-use super::npz::NpzWriter;
+use super::patches::PatchFile;
+use super::series::SeriesQuantity;
 use super::sky::sky_columns;
-use super::vtu::CellData;
-use super::{ReportError, coloured, csv, pretty, vtu};
 use crate::form_factor::SkyFactors;
 use crate::heat::Sunlit;
 use crate::matrix::operator::Block;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
-use crate::solver::{Solution, StopReason};
+use crate::solver::Solution;
 
 /// A solution with its scene and settings.
 #[derive(Clone, Copy, Debug)]
@@ -54,31 +53,6 @@ pub struct SolutionReport<'a> {
     pub skylight: Option<&'a [Block; 2]>,
     /// The settings of the form factors and of the solution: no time, path or number of threads.
     pub settings: &'a Map<String, Value>,
-}
-
-/// The metadata of a file of a solution, in JSON.
-#[derive(Debug, Serialize)]
-struct SolutionDescription<'a> {
-    /// Name and number of the file's layout.
-    format: &'static str,
-    /// The units of the arrays.
-    unit: &'static str,
-    /// The number of patches n.
-    n_patches: usize,
-    /// The geometry's [`Mesh::geometry_hash`].
-    geometry_sha256: String,
-    /// The scene's [`Scene::content_hash`].
-    scene_sha256: String,
-    /// The names of the surfaces, by the numbers that the patches have.
-    surfaces: Vec<&'a str>,
-    /// The settings of the form factors and of the solution.
-    settings: &'a Map<String, Value>,
-    /// The solver's stop reason.
-    stop_reason: StopReason,
-    /// The relative residual sqrt(Σ A r² / Σ A E²), the worst channel; null if it is not finite.
-    residual_l2: f64,
-    /// A bound on the relative error of B in the area-weighted L2 norm, without that of the form factors; null if none is known.
-    error_bound: Option<f64>,
 }
 
 /// The formats of solutions.
@@ -132,98 +106,73 @@ impl SolutionReport<'_> {
         ];
         assert!(blocks.iter().all(|block| block.n_rows() == n), "one row per patch");
         let format = Format::of(path)?;
-        file::write(path, |writer| match format {
-            Format::Csv => self.write_csv(writer),
-            Format::Npz => self.write_npz(writer),
-            Format::Vtu => self.write_vtu(writer),
-            Format::Ply => self.write_coloured(writer, coloured::Format::Ply),
-            Format::Obj => self.write_coloured(writer, coloured::Format::Obj),
-        })
+        let file = PatchFile {
+            scene: self.scene,
+            mesh: self.mesh,
+            description: self.description(),
+            quantities: if format == Format::Csv {
+                self.columns()
+            } else {
+                self.quantities()
+            },
+            shown: Quantity {
+                name: "radiosity",
+                unit: "W/m2",
+                values: &self.solution.radiosity,
+            },
+        };
+        file.write(path, format)
     }
 
     fn description(&self) -> String {
-        let description = SolutionDescription {
-            format: "radiosity solution 1",
-            unit: "radiosity, irradiance, exitance, residual, error: W m-2; area: m2; centroid: m; reflectance, row_sum: 1",
-            n_patches: self.mesh.n_patches(),
-            geometry_sha256: self.mesh.geometry_hash(),
-            scene_sha256: self.scene.content_hash(),
-            surfaces: self.scene.surfaces.iter().map(|s| s.name.as_str()).collect(),
-            settings: self.settings,
-            stop_reason: self.solution.stop_reason,
-            residual_l2: self.solution.residual_l2,
-            error_bound: self.solution.error_bound,
-        };
-        pretty(&description)
+        let mut description = file::described("radiosity solution 1", (self.scene, self.mesh), self.settings);
+        let units =
+            "radiosity, irradiance, exitance, residual, error: W m-2; area: m2; centroid: m; reflectance, row_sum: 1";
+        description["unit"] = units.into();
+        description["stop_reason"] = json!(self.solution.stop_reason);
+        description["residual_l2"] = self.solution.residual_l2.into();
+        description["error_bound"] = self.solution.error_bound.into();
+        format!("{description:#}")
     }
 
-    fn quantities(&self) -> Vec<(&'static str, Block)> {
-        let mut quantities = vec![
-            ("radiosity", self.solution.radiosity.clone()),
-            ("irradiance", self.solution.irradiance.clone()),
-            ("exitance", self.exitance.clone()),
-            ("reflectance", self.reflectance.clone()),
-            ("residual", self.solution.residual(self.reflectance, self.exitance)),
+    /// Returns the columns of a table.
+    fn columns(&self) -> Vec<SeriesQuantity> {
+        let mut columns = vec![
+            SeriesQuantity::of_block("radiosity", &self.solution.radiosity),
+            SeriesQuantity::of_block("irradiance", &self.solution.irradiance),
         ];
-        if let Some(error) = self.error {
-            quantities.push(("error", error.clone()));
-        }
+        columns.extend(self.error.map(|error| SeriesQuantity::of_block("error", error)));
+        let sky = self.sky.map(sky_columns).into_iter().flatten();
+        columns.extend(sky.map(|(name, values)| SeriesQuantity::scalar(name, values)));
+        columns
+    }
+
+    fn quantities(&self) -> Vec<SeriesQuantity> {
+        let of_block = SeriesQuantity::of_block;
+        let scalar = |name: &str, values: &[f64]| SeriesQuantity::of_channels(name, 1, values.to_vec());
+        let mut quantities = vec![
+            of_block("radiosity", &self.solution.radiosity),
+            of_block("irradiance", &self.solution.irradiance),
+            of_block("exitance", self.exitance),
+            of_block("reflectance", self.reflectance),
+            of_block("residual", &self.solution.residual(self.reflectance, self.exitance)),
+        ];
+        quantities.extend(self.error.map(|error| of_block("error", error)));
         if let Some(sun) = self.sun {
-            let one = |values: &[f64]| Block::from_values(values.to_vec(), 1);
             quantities.extend([
-                ("sunlit_fraction", one(&sun.light.fraction)),
-                ("sunlit_fraction_error", one(&sun.light.fraction_error)),
-                ("sun_irradiance", sun.irradiance.clone()),
-                ("sun_irradiance_error", sun.error.clone()),
+                scalar("sunlit_fraction", &sun.light.fraction),
+                scalar("sunlit_fraction_error", &sun.light.fraction_error),
+                of_block("sun_irradiance", &sun.irradiance),
+                of_block("sun_irradiance_error", &sun.error),
             ]);
         }
         if let Some([irradiance, error]) = self.skylight {
-            quantities.push(("sky_irradiance", irradiance.clone()));
-            quantities.push(("sky_irradiance_error", error.clone()));
+            quantities.push(of_block("sky_irradiance", irradiance));
+            quantities.push(of_block("sky_irradiance_error", error));
         }
-        if let Some(sums) = self.row_sums {
-            quantities.push(("row_sum", Block::from_values(sums.to_vec(), 1)));
-        }
+        quantities.extend(self.row_sums.map(|sums| scalar("row_sum", sums)));
         let sky = self.sky.map(sky_columns).into_iter().flatten();
-        quantities.extend(sky.map(|(name, values)| (name, Block::from_values(values, 1))));
+        quantities.extend(sky.map(|(name, values)| scalar(name, &values)));
         quantities
-    }
-
-    fn write_csv(&self, writer: &mut dyn Write) -> io::Result<()> {
-        csv::write_description(writer, &self.description())?;
-        let light = [
-            ("radiosity", &self.solution.radiosity),
-            ("irradiance", &self.solution.irradiance),
-        ];
-        let error = self.error.map(|error| ("error", error));
-        let quantities: Vec<_> = light.into_iter().chain(error).collect();
-        let sky: Vec<_> = self.sky.map(sky_columns).into_iter().flatten().collect();
-        csv::write_solution(writer, self.scene, self.mesh, &quantities, &sky)
-    }
-
-    fn write_npz<W: Write + Seek>(&self, writer: W) -> io::Result<()> {
-        let n = self.mesh.n_patches();
-        let mut npz = NpzWriter::new(writer);
-        npz.bytes("meta.json", self.description().as_bytes())?;
-        for (name, block) in self.quantities() {
-            npz.numbers(name, &[n, block.n_channels()], block.values())?;
-        }
-        npz.patches(self.mesh)?;
-        npz.finish()
-    }
-
-    fn write_coloured(&self, writer: &mut dyn Write, format: coloured::Format) -> io::Result<()> {
-        let quantity = coloured::Quantity {
-            name: "radiosity",
-            unit: "W/m2",
-            values: &self.solution.radiosity,
-        };
-        coloured::write(writer, format, (self.scene, self.mesh), &quantity)
-    }
-
-    fn write_vtu(&self, writer: &mut dyn Write) -> io::Result<()> {
-        let cell_data = |(name, block): (&str, Block)| CellData::new(name, block.n_channels(), block.values().to_vec());
-        let data: Vec<_> = self.quantities().into_iter().map(cell_data).collect();
-        vtu::write(writer, self.scene, self.mesh, &self.description(), &data)
     }
 }

@@ -67,6 +67,14 @@ impl Table {
         self.rows.push(row);
     }
 
+    /// Returns the table without its last `n` columns.
+    pub(crate) fn without_last(mut self, n: usize) -> Self {
+        for row in std::iter::once(&mut self.columns).chain(&mut self.rows) {
+            row.truncate(row.len() - n);
+        }
+        self
+    }
+
     /// Returns the table in Markdown (GitHub's dialect), the first column aligned left, the others right.
     ///
     /// Columns are padded to one width so that the source reads as a table too. A vertical bar inside a cell is escaped.

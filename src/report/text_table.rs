@@ -41,11 +41,7 @@ impl TextFile {
     /// # Errors
     /// [`ReportError::Unreadable`], and [`ReportError::BadTable`] for bytes that are not text.
     pub(super) fn read(path: &Path, kind: &'static str) -> Result<Self, ReportError> {
-        let unreadable = |source| ReportError::Unreadable {
-            path: path.to_owned(),
-            source,
-        };
-        let bytes = input_file::read(path, LIMIT).map_err(unreadable)?;
+        let bytes = input_file::read(path, LIMIT).map_err(|source| ReportError::unreadable(path, source))?;
         let decoded = String::from_utf8(bytes);
         let file = |text| Self {
             path: path.to_owned(),

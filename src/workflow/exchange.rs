@@ -15,11 +15,14 @@ const COLUMNS: usize = 32;
 
 /// The nodes of exchange factors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 pub enum ExchangeNodes {
-    /// Surfaces.
+    /// Surfaces, averaged over their patches with weights ε A
     #[default]
+    #[cfg_attr(feature = "cli", value(name = "surface"))]
     Surfaces,
-    /// Patches, called `SURFACE:PATCH`.
+    /// Patches
+    #[cfg_attr(feature = "cli", value(name = "patch"))]
     Patches,
 }
 

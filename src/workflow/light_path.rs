@@ -168,7 +168,7 @@ impl LightWork<'_> {
     }
 
     fn constants(&self, reflectance: &Block, exitance: &Block) -> Vec<SeriesQuantity> {
-        let of = |name, block: &Block| SeriesQuantity::of_channels(name, block.n_channels(), block.values().to_vec());
+        let of = SeriesQuantity::of_block;
         let mut constants = vec![of("exitance", exitance), of("reflectance", reflectance)];
         if let Some([irradiance, error]) = &self.sky {
             constants.extend([of("sky_irradiance", irradiance), of("sky_irradiance_error", error)]);

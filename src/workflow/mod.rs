@@ -60,6 +60,8 @@ pub use light_path::LightStep;
 pub use lightings::{LightingStudy, Stack};
 pub use lit_surface::{LitSurface, SkylitSurface, SunlitSurface, SurfaceRecord};
 pub use mesh_error::MeshError;
+#[cfg(feature = "reports")]
+pub(crate) use model::materials;
 pub use model::{Model, Use, expect_room, load, load_arrays};
 pub use on_the_fly::indirect_irradiance;
 pub use quality::Quality;

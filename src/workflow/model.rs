@@ -402,15 +402,21 @@ impl Model {
     /// Returns ρ and E of every patch, in one channel if all are grey, else in three.
     #[must_use]
     pub fn materials(&self) -> (Block, Block) {
-        let n_channels = self.plan.n_channels;
-        let collect = |value: fn(&Material) -> [f64; 3]| {
-            let of_patch = |patch: &Patch| value(&self.scene.materials[patch.material.0 as usize]);
-            let patches = self.mesh.patches.iter();
-            let values = patches.flat_map(|p| of_patch(p).into_iter().take(n_channels));
-            Block::from_values(values.collect(), n_channels)
-        };
-        (collect(|m| m.reflectance), collect(|m| m.exitance))
+        materials(&self.scene, &self.mesh, self.plan.n_channels)
     }
+}
+
+/// Returns ρ and E of every patch in its first channels.
+pub(crate) fn materials(scene: &Scene, mesh: &Mesh, n_channels: usize) -> (Block, Block) {
+    let collect = |value: fn(&Material) -> [f64; 3]| {
+        let of_patch = |patch: &Patch| value(&scene.materials[patch.material.0 as usize]);
+        let values = mesh
+            .patches
+            .iter()
+            .flat_map(|p| of_patch(p).into_iter().take(n_channels));
+        Block::from_values(values.collect(), n_channels)
+    };
+    (collect(|m| m.reflectance), collect(|m| m.exitance))
 }
 
 fn ray_tracer(scene: &Scene, file: &Path, cx: &Context) -> Result<EmbreeVisibility, WorkflowError> {

@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::TypedValueParser;
 use clap::{Args, ValueEnum};
 
 use super::byte::parse_byte;
 use super::settings::{OfMethods, SettingFlags};
-use super::{AuditArgs, CommonArgs, parse_positive, parse_time};
+use super::{AuditArgs, CommonArgs, named, parse_positive, parse_time};
 use crate::form_factor::registry::METHODS;
 use crate::form_factor::{Closure, ExactMethod, MethodSettings, TOLERANCE};
 use crate::geometry::sampling::Sequence;
@@ -83,11 +83,7 @@ impl MeshArgs {
 
 /// Reads the name of a form-factor method; help lists those of the registry.
 fn method_name() -> impl TypedValueParser<Value = String> {
-    PossibleValuesParser::new(
-        METHODS
-            .iter()
-            .map(|method| PossibleValue::new(method.name).help(method.summary)),
-    )
+    named(METHODS.iter().map(|method| (method.name, method.summary)))
 }
 
 /// How form factors are computed.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 
 use super::settings::of_computation;
 use super::{
@@ -76,24 +76,6 @@ impl SunArgs {
     }
 }
 
-/// The nodes of exchange factors.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum NodesName {
-    /// Surfaces, averaged over their patches with weights ε A
-    Surface,
-    /// Patches
-    Patch,
-}
-
-impl From<NodesName> for ExchangeNodes {
-    fn from(name: NodesName) -> Self {
-        match name {
-            NodesName::Surface => Self::Surfaces,
-            NodesName::Patch => Self::Patches,
-        }
-    }
-}
-
 /// `radiosity heat`.
 #[derive(Args, Debug)]
 pub(crate) struct HeatArgs {
@@ -110,8 +92,8 @@ pub(crate) struct HeatArgs {
     #[arg(long, value_name = "G.npz")]
     pub exchange_factors: Option<PathBuf>,
     /// The nodes of the exchange factors
-    #[arg(long, value_enum, default_value_t = NodesName::Surface, requires = "exchange_factors")]
-    pub by: NodesName,
+    #[arg(long, value_enum, default_value_t, requires = "exchange_factors")]
+    pub by: ExchangeNodes,
     /// Form factors that `form-factors -o` wrote, instead of computing them; they know how the scene was cut into patches
     #[arg(long, value_name = "F.npz", conflicts_with_all = of_computation())]
     pub form_factors: Option<PathBuf>,

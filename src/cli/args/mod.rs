@@ -19,6 +19,7 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::workflow::SolveRequest;
@@ -185,18 +186,23 @@ pub(super) struct VerifyArgs {
     pub common: CommonArgs,
 }
 
+/// Reads one of the names of a registry; help lists them, each with its summary.
+fn named(entries: impl Iterator<Item = (&'static str, &'static str)>) -> impl TypedValueParser<Value = String> {
+    PossibleValuesParser::new(entries.map(|(name, summary)| PossibleValue::new(name).help(summary)))
+}
+
+/// Reads a number for which `is_good` is true; `wanted` describes these.
+fn parse_number(text: &str, wanted: &str, is_good: impl Fn(f64) -> bool) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number| is_good(*number));
+    number.ok_or_else(|| format!("give {wanted}"))
+}
+
 fn parse_positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        _ => Err("give a number above 0".to_owned()),
-    }
+    parse_number(text, "a number above 0", |value| value.is_finite() && value > 0.0)
 }
 
 fn parse_not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
-        _ => Err("give a number from 0".to_owned()),
-    }
+    parse_number(text, "a number from 0", |value| value.is_finite() && value >= 0.0)
 }
 
 /// Reads one number for all channels, or three numbers.
@@ -229,22 +235,18 @@ fn parse_time(text: &str) -> Result<Duration, String> {
 }
 
 fn parse_tolerance(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if SolveRequest::TOLERANCES.contains(&value) => Ok(value),
-        _ => Err(format!(
-            "give a number from {:e} to below {}, such as {:e}",
-            SolveRequest::TOLERANCES.start,
-            SolveRequest::TOLERANCES.end,
-            SolveRequest::TOLERANCE
-        )),
-    }
+    let range = SolveRequest::TOLERANCES;
+    let wanted = format!(
+        "a number from {:e} to below {}, such as {:e}",
+        range.start,
+        range.end,
+        SolveRequest::TOLERANCE
+    );
+    parse_number(text, &wanted, |value| range.contains(&value))
 }
 
 fn parse_angle(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value < 180.0 => Ok(value),
-        _ => Err("give degrees between 0 and 180".to_owned()),
-    }
+    parse_number(text, "degrees between 0 and 180", |value| value > 0.0 && value < 180.0)
 }
 
 /// Reads a number from 1 to `most`.

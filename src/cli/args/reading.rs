@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::parse_positive;
+use super::{parse_number, parse_positive};
 use crate::scene::{DEFAULT_CREASE_ANGLE, Flip, Format, LengthUnit, LoadOptions, UpAxis};
 use crate::workflow::Context;
 
@@ -116,8 +116,5 @@ fn parse_format(text: &str) -> Result<String, String> {
 }
 
 fn parse_crease_angle(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.0..=180.0).contains(&value) => Ok(value),
-        _ => Err("give degrees from 0 to 180".to_owned()),
-    }
+    parse_number(text, "degrees from 0 to 180", |value| (0.0..=180.0).contains(&value))
 }

@@ -3,30 +3,25 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::TypedValueParser;
 
 use super::settings::{OfSolvers, SettingFlags, of_computation};
-use super::{AuditArgs, CommonArgs, MeshArgs, MethodArgs, StorageArgs, SunArgs, parse_positive, parse_tolerance};
+use super::{
+    AuditArgs, CommonArgs, MeshArgs, MethodArgs, StorageArgs, SunArgs, named, parse_positive, parse_tolerance,
+};
+use crate::solver::registry::SOLVERS;
 use crate::solver::{SolverSettings, Start};
-use crate::workflow::SolveRequest;
+use crate::workflow::{Demand, SolveRequest};
 
 /// Reads the name of a solver; help lists those of the registry.
 pub(super) fn solver_name() -> impl TypedValueParser<Value = String> {
-    PossibleValuesParser::new(
-        crate::solver::registry::SOLVERS
-            .iter()
-            .map(|solver| PossibleValue::new(solver.name).help(solver.summary)),
-    )
+    named(SOLVERS.iter().map(|solver| (solver.name, solver.summary)))
 }
 
 /// Reads the name of a solver that needs no symmetric form factors: those of voxels are neither symmetric nor balanced.
 pub(super) fn solver_name_without_symmetry() -> impl TypedValueParser<Value = String> {
-    PossibleValuesParser::new(
-        crate::solver::registry::SOLVERS
-            .iter()
-            .filter(|solver| !solver.needs_reciprocity())
-            .map(|solver| PossibleValue::new(solver.name).help(solver.summary)),
-    )
+    let suited = SOLVERS.iter().filter(|solver| !solver.needs_reciprocity());
+    named(suited.map(|solver| (solver.name, solver.summary)))
 }
 
 /// How the system is solved.
@@ -50,6 +45,17 @@ pub(crate) struct SolverArgs {
 }
 
 impl SolverArgs {
+    /// Returns the demands of a solution and its output after the form factors.
+    #[must_use]
+    pub(crate) fn demand(&self, output: Option<&PathBuf>) -> Demand {
+        Demand {
+            output: output.cloned(),
+            tolerance: Some(self.tolerance),
+            solver: Some(self.solver.clone()),
+            ..Demand::default()
+        }
+    }
+
     /// Returns the request that the flags set.
     #[must_use]
     pub(crate) fn request(&self) -> SolveRequest {

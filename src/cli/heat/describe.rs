@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use crate::cli::args::HeatArgs;
 use crate::cli::run::Run;
 use crate::cli::solution::{describe_mesh_error, solver_line};
-use crate::cli::{cell, name_width};
-use crate::printable::{counted, printable};
+use crate::cli::{cell, printable_names};
+use crate::printable::counted;
 use crate::workflow::{FormFactorStudy, HeatStudy, Model};
 
 /// Describes temperatures and fluxes of surfaces, and the balance of the scene.
@@ -30,8 +30,7 @@ pub(super) fn describe(
     if let Some(mesh_error) = &study.mesh_error {
         describe_mesh_error(text, mesh_error);
     }
-    let names: Vec<String> = surfaces.iter().map(|surface| printable(&surface.name)).collect();
-    let width = name_width(names.iter().map(String::as_str));
+    let (names, width) = printable_names(surfaces.iter().map(|surface| surface.name.as_str()));
     let _ = writeln!(
         text,
         "\n{:width$} {:>12} {:>12} {:>12} {:>12} {:>12} {:>8}",

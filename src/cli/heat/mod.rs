@@ -3,8 +3,6 @@
 mod describe;
 mod picture;
 
-use std::fmt::Write as _;
-
 use glam::DVec3;
 
 use super::Outcome;
@@ -22,15 +20,9 @@ use crate::mesh::Subdivision;
 use crate::report::exchange;
 use crate::report::form_factors::{FormFactorFile, files_of};
 use crate::report::heat::HeatReport;
-use crate::workflow::{Afterwards, Demand, FormFactorStudy, HeatStudy, Model};
+use crate::workflow::{Afterwards, FormFactorStudy, HeatStudy, Model};
 
-pub(super) fn run(args: &HeatArgs) -> Result<Outcome, Failure> {
-    let mut run = Run::new("heat", &args.common);
-    let result = work(args, &mut run);
-    run.ended(result)
-}
-
-fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
+pub(super) fn run(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
     if let Some(path) = &args.exchange_factors {
         exchange::Format::of(path, exchange::CONTENT)?;
     }
@@ -41,13 +33,7 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
     files(args)?.check()?;
     let file = args.form_factors.as_deref().map(FormFactorFile::open).transpose()?;
     let mesh = file.as_ref().map_or(Ok(args.mesh), |file| args.mesh.of_file(file))?;
-    let demand = Demand {
-        output: args.output.clone(),
-        tolerance: Some(args.solver.tolerance),
-        solver: Some(args.solver.solver.clone()),
-        ..Demand::default()
-    };
-    run.expect(&args.storage, demand);
+    run.expect(&args.storage, args.solver.demand(args.output.as_ref()));
     let mut model = run.prepare(&args.scene, mesh, |_| Subdivision::Uniform(1))?;
     // Errors in the boundary conditions are reported before the work begins.
     let mut boundary = Boundary::load(&args.boundary, &model.scene)?;
@@ -68,7 +54,7 @@ fn work(args: &HeatArgs, run: &mut Run) -> Result<Outcome, Failure> {
     }
     let study = model.heat(&factors, &boundary, &solver, &mut run.cx)?;
     if let Some(path) = &args.exchange_factors {
-        let found = model.exchange_factors(&factors, &boundary, args.by.into(), &solver, &mut run.cx)?;
+        let found = model.exchange_factors(&factors, &boundary, args.by, &solver, &mut run.cx)?;
         run.cx
             .time("write", || exchange::write(path, &found, &run.cx.settings.record()))?;
     }
@@ -123,18 +109,11 @@ fn finish(
     let document = run.document_of(model, HeatDocument::new(model, factors, study));
     let mut text = run.explanation(model);
     describe::describe(&mut text, run, args, model, factors, study);
-    run.describe_audit(&mut text);
-    run.describe_times(&mut text);
-    for path in args.output.iter().chain(&args.exchange_factors).chain(&args.picture) {
-        let _ = writeln!(text, "wrote {}", path.display());
-    }
     let bands = std::iter::once(&study.thermal).chain(&study.solar);
     let codes = bands.map(|solution| code(solution, Some(factors), study.error));
     let inexact = (!study.is_exact()).then_some(ExitCode::NotConverged);
     let code = codes.chain(inexact).find(|code| *code != ExitCode::Done);
-    Ok(Outcome {
-        text,
-        document,
-        code: run.judged(code.unwrap_or(ExitCode::Done), args.audit.strict),
-    })
+    let written = args.output.iter().chain(&args.exchange_factors).chain(&args.picture);
+    let code = (code.unwrap_or(ExitCode::Done), args.audit.strict);
+    Ok(run.outcome(text, document, written, code))
 }

@@ -112,12 +112,12 @@ impl Expected {
     /// Draws sums of the faces with this distribution and returns 100 Σ |1 − sum| of each, ascending.
     pub(super) fn error_draws(&self, n_draws: usize) -> Vec<f64> {
         let roots: Vec<[[f64; 6]; 6]> = self.covariance.iter().map(square_root).collect();
-        let mut normal = Normal::new();
+        let mut normal = normal_numbers();
         let mut draws: Vec<f64> = (0..n_draws)
             .map(|_| {
                 let mut factors = self.mean;
                 for (row, root) in factors.iter_mut().zip(&roots) {
-                    let z: [f64; 6] = std::array::from_fn(|_| normal.next());
+                    let z: [f64; 6] = std::array::from_fn(|_| normal.next().unwrap_or(0.0));
                     for (value, weights) in row.iter_mut().zip(root) {
                         *value += weights.iter().zip(z).map(|(w, z)| w * z).sum::<f64>();
                     }
@@ -148,30 +148,16 @@ fn square_root(c: &[[f64; 6]; 6]) -> [[f64; 6]; 6] {
     root
 }
 
-/// Standard normal numbers by the transform of Box and Muller, from a fixed stream.
-struct Normal {
-    uniform: PointStream,
-    ready: Vec<f64>,
-}
-
-impl Normal {
-    fn new() -> Self {
-        Self {
-            uniform: PointStream::new(Sequence::Random, 0, 0),
-            ready: Vec::new(),
-        }
-    }
-
-    fn next(&mut self) -> f64 {
-        if self.ready.is_empty() {
-            let [a, b, c, d] = self.uniform.next_point();
-            for (u, v) in [(a, b), (c, d)] {
-                let (radius, angle) = ((-2.0 * u.ln()).sqrt(), std::f64::consts::TAU * v);
-                self.ready.extend([radius * angle.cos(), radius * angle.sin()]);
-            }
-        }
-        self.ready.pop().unwrap_or(0.0)
-    }
+/// Returns standard normal numbers by the transform of Box and Muller, from a fixed stream.
+fn normal_numbers() -> impl Iterator<Item = f64> {
+    let mut uniform = PointStream::new(Sequence::Random, 0, 0);
+    let pair = |u: f64, v: f64| {
+        let (radius, angle) = ((-2.0 * u.ln()).sqrt(), std::f64::consts::TAU * v);
+        [radius * angle.sin(), radius * angle.cos()]
+    };
+    std::iter::repeat_with(move || uniform.next_point())
+        .flat_map(move |[a, b, c, d]| [pair(c, d), pair(a, b)])
+        .flatten()
 }
 
 #[cfg(test)]
@@ -200,8 +186,7 @@ mod tests {
 
     #[test]
     fn normal_numbers_are_normal() {
-        let mut normal = Normal::new();
-        let values: Vec<f64> = (0..40_000).map(|_| normal.next()).collect();
+        let values: Vec<f64> = normal_numbers().take(40_000).collect();
         let spread = Spread::of(&values);
         assert!(
             spread.mean.abs() < 4.0 / 200.0 && (spread.sd - 1.0).abs() < 4.0 / 283.0,

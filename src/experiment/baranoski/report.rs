@@ -125,55 +125,36 @@ fn report(results: &[TableResult]) -> String {
 }
 
 fn figures_table(table: &TableResult) -> Table {
-    let relative = table.figures.iter().any(|f| f.relative_error.is_some());
-    let mut columns = vec![
-        "figure",
-        "method",
-        "paper",
-        "ours: mean",
-        "ours: sd",
-        "exact mean",
-        "exact sd",
-        "99.9 % of runs",
-        "paper's percentile",
-    ];
-    if relative {
-        columns.extend(["paper: error (%)", "ours: error (%)"]);
-    }
-    let mut rows = Table::new(columns);
-    for figure in &table.figures {
-        let per_cent = figure.name.ends_with("(%)");
-        let show = |v: f64| if per_cent { format!("{v:.3}") } else { format!("{v:.6}") };
-        let maybe = |v: Option<f64>| v.map_or("–".to_owned(), show);
-        let random = figure.reproduced;
-        let paper = match figure.corrected {
+    let has_relative = table.figures.iter().any(|f| f.relative_error.is_some());
+    let show = |figure: &Figure, v: f64| {
+        let digits = if figure.name.ends_with("(%)") { 3 } else { 6 };
+        format!("{v:.digits$}")
+    };
+    let maybe = |figure: &Figure, v: Option<f64>| v.map_or("–".to_owned(), |v| show(figure, v));
+    let error = |e: Option<f64>| e.map_or("–".to_owned(), |e| format!("{e:.3}"));
+    let all = table! { figure in &table.figures;
+        "figure": figure.name,
+        "method": figure.method,
+        "paper": match figure.corrected {
             Some(corrected) => format!("{}† ({corrected})", figure.printed),
             None => figure.printed.to_string(),
-        };
-        let mut cells = vec![
-            figure.name.clone(),
-            figure.method.to_owned(),
-            paper,
-            show(figure.measured.mean),
-            maybe(Some(figure.measured.sd).filter(|_| random)),
-            maybe(figure.expected_mean),
-            maybe(figure.expected_sd),
-            figure.range.map_or("–".to_owned(), |[low, high]| {
-                format!("{} to {}", show(low), show(high))
-            }),
-            match figure.printed_percentile {
-                Some(p) => format!("{p:.1} %"),
-                None if figure.reproduced => "the same".to_owned(),
-                None => "not reproduced".to_owned(),
-            },
-        ];
-        if relative {
-            let error = |e: Option<f64>, digits: usize| e.map_or("–".to_owned(), |e| format!("{e:.digits$}"));
-            cells.extend([error(figure.printed_relative_error, 3), error(figure.relative_error, 3)]);
-        }
-        rows.push(cells);
-    }
-    rows
+        },
+        "ours: mean": show(figure, figure.measured.mean),
+        "ours: sd": maybe(figure, figure.reproduced.then_some(figure.measured.sd)),
+        "exact mean": maybe(figure, figure.expected_mean),
+        "exact sd": maybe(figure, figure.expected_sd),
+        "99.9 % of runs": figure.range.map_or("–".to_owned(), |[low, high]| {
+            format!("{} to {}", show(figure, low), show(figure, high))
+        }),
+        "paper's percentile": match figure.printed_percentile {
+            Some(p) => format!("{p:.1} %"),
+            None if figure.reproduced => "the same".to_owned(),
+            None => "not reproduced".to_owned(),
+        },
+        "paper: error (%)": error(figure.printed_relative_error),
+        "ours: error (%)": error(figure.relative_error),
+    };
+    all.without_last(if has_relative { 0 } else { 2 })
 }
 
 fn all_figures(results: &[TableResult]) -> Table {

@@ -73,48 +73,34 @@ pub(super) fn left_out(comparison: &Comparison) -> String {
 }
 
 pub(super) fn cases_table(comparison: &Comparison) -> Table {
-    let columns = [
-        "method",
-        "setting",
-        "runs",
-        "time (ms)",
-        "max error",
-        "rms error",
-        "front",
-    ];
-    let mut table = Table::new(columns);
-    for case in &comparison.cases {
-        // A method that is itself the reference has no error against it.
-        let e = |error: f64| {
-            if error > 0.0 {
-                format!("{error:.2e}")
-            } else {
-                "0".to_owned()
-            }
-        };
-        let with_range = |s: Spread, show: &dyn Fn(f64) -> String| {
-            if case.n_runs == 1 || s.min >= s.max {
-                return show(s.median);
-            }
-            format!("{} [{}, {}]", show(s.median), show(s.min), show(s.max))
-        };
-        let front = match (case.on_front_max, case.on_front_rms) {
+    // A method that is itself the reference has no error against it.
+    let error = |error: f64| {
+        if error > 0.0 {
+            format!("{error:.2e}")
+        } else {
+            "0".to_owned()
+        }
+    };
+    let with_range = |case: &CaseSummary, s: Spread, show: &dyn Fn(f64) -> String| {
+        if case.n_runs == 1 || s.min >= s.max {
+            return show(s.median);
+        }
+        format!("{} [{}, {}]", show(s.median), show(s.min), show(s.max))
+    };
+    table! { case in &comparison.cases;
+        "method": case.method,
+        "setting": setting(case.method, case.value),
+        "runs": case.n_runs,
+        "time (ms)": with_range(case, case.time_s, &milliseconds),
+        "max error": with_range(case, case.error_max, &error),
+        "rms error": with_range(case, case.error_rms, &error),
+        "front": match (case.on_front_max, case.on_front_rms) {
             (true, true) => "max, rms",
             (true, false) => "max",
             (false, true) => "rms",
             (false, false) => "",
-        };
-        table.push([
-            case.method.to_owned(),
-            setting(case.method, case.value),
-            case.n_runs.to_string(),
-            with_range(case.time_s, &milliseconds),
-            with_range(case.error_max, &e),
-            with_range(case.error_rms, &e),
-            front.to_owned(),
-        ]);
+        },
     }
-    table
 }
 
 /// Returns the fastest setting for each bound of the error, from a tenth downwards.
@@ -200,18 +186,19 @@ pub(super) fn runs_table(parts: &[Part]) -> Table {
 }
 
 pub(super) fn storage_section(storage: &StorageFigures, choice: StorageChoice<'_>) -> String {
-    let mut table = Table::new(["layout", "bytes", "of dense"]);
-    for (layout, bytes) in [
+    let layouts = [
         ("dense", storage.dense_bytes),
         (
             "symmetric (one triangle, in squares of 64 × 64)",
             storage.symmetric_bytes,
         ),
         ("sparse", storage.sparse_bytes),
-    ] {
-        let share = 100.0 * bytes as f64 / storage.dense_bytes as f64;
-        table.push([layout.to_owned(), bytes.to_string(), format!("{share:.0} %")]);
-    }
+    ];
+    let table = table! { (layout, bytes) in layouts;
+        "layout": layout,
+        "bytes": bytes,
+        "of dense": format!("{:.0} %", 100.0 * bytes as f64 / storage.dense_bytes as f64),
+    };
     let entries = match storage.tolerance {
         None => "of the reference".to_owned(),
         Some(tolerance) => format!("that `exact` finds at a tolerance of {tolerance:e}"),

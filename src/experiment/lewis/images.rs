@@ -1,8 +1,11 @@
 //! Figures 1 and 5 as images.
 
+use ::png::ColorType;
+
 use super::model::Room;
 use crate::experiment::ExperimentError;
 use crate::matrix::Precision;
+use crate::render::png::encode_bytes;
 
 /// Returns figure 1 as a PNG: |a_ij| of A = I − diag(ρ) F at a level, row i downwards, `scale` pixels a side of an entry.
 ///
@@ -65,14 +68,6 @@ fn png(width: usize, height: usize, grey: impl Fn(usize, usize) -> f64) -> Resul
     )]
     let level = |value: f64| (255.0 * value.clamp(0.0, 1.0)).round() as u8;
     let pixels: Vec<u8> = (0..width * height).map(|k| level(grey(k % width, k / width))).collect();
-    let failed = |error: png::EncodingError| ExperimentError::Image(error.to_string());
-    let side = |n: usize| u32::try_from(n).map_err(|_| failed(png::EncodingError::LimitsExceeded));
-    let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, side(width)?, side(height)?);
-    encoder.set_color(png::ColorType::Grayscale);
-    encoder.set_depth(png::BitDepth::Eight);
-    let mut writer = encoder.write_header().map_err(failed)?;
-    writer.write_image_data(&pixels).map_err(failed)?;
-    writer.finish().map_err(failed)?;
-    Ok(bytes)
+    let encoded = encode_bytes([width, height], ColorType::Grayscale, None, &pixels);
+    encoded.map_err(|error| ExperimentError::Image(error.to_string()))
 }

@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
-use super::{Check, LewisResults, SolverLine, density_png, unfolded_png};
+use super::{Check, LewisResults, SolverLine, VariantRun, density_png, unfolded_png};
 use crate::experiment::ExperimentError;
-use crate::experiment::findings::{FAILED, Files, Findings, PaperDocument, text_file};
+use crate::experiment::findings::{Files, Findings, PaperFindings, text_file};
 use crate::report::curves::{Curve, CurvePlot};
 use crate::report::{Machine, Table, table};
 
@@ -49,22 +49,13 @@ impl LewisResults {
     ///
     /// # Errors
     /// [`ExperimentError`] if a picture or a plot cannot be encoded.
-    pub fn findings(
-        &self,
-        tables: &[u8],
-    ) -> Result<Findings<PaperDocument<'_, Self, Vec<LevelTimes>>>, ExperimentError> {
-        let inside = self.is_met();
+    pub fn findings(&self, tables: &[u8]) -> Result<PaperFindings<'_, Self, Vec<LevelTimes>>, ExperimentError> {
+        let inside = self.checks.iter().all(Check::is_met);
+        let times = self.solvers.iter().map(LevelTimes::from).collect();
+        let printed = report(tables, self, true);
         Ok(Findings {
-            printed: report(tables, self, true),
-            files: files(tables, self)?,
             captions: captions(),
-            document: PaperDocument {
-                machine: Machine::here(),
-                inside,
-                results: self,
-                times: self.solvers.iter().map(LevelTimes::from).collect(),
-            },
-            wrong: (!inside).then(|| FAILED.to_owned()),
+            ..PaperFindings::new(self, times, inside, printed, files(tables, self)?)
         })
     }
 }
@@ -123,7 +114,7 @@ fn report(tables: &[u8], results: &LewisResults, with_times: bool) -> String {
                 text,
                 "Times: medians of {ROUNDS} alternating runs with {} threads on {}, each with one check of the true residual; \"with setup\" adds the restricted matrices. The paper's times are a SPARCstation 2's.",
                 machine.n_threads,
-                machine.cpu_model.as_deref().unwrap_or(machine.architecture)
+                machine.processor()
             );
         }
         text.push_str("\n## Residuals at l = 4: max |r| after each pass\n\n");
@@ -162,47 +153,24 @@ fn table_1(results: &LewisResults) -> Table {
 }
 
 fn table_2(results: &LewisResults, with_times: bool) -> Table {
-    let mut head = vec![
-        "l",
-        "N",
-        "GS paper",
-        "GS ours",
-        "MG paper",
-        "MG ours",
-        "GS mult.",
-        "MG mult.",
-        "mult. ratio",
-        "ratio paper",
-    ];
-    if with_times {
-        head.extend(["ratio ours", "with setup", "GS time (s)", "MG time (s)"]);
-    }
-    let mut table = Table::new(head);
-    for line in &results.solvers {
-        let printed = |k: usize| line.printed_iterations.map_or("–".to_owned(), |n| n[k].to_string());
-        let mut cells = vec![
-            line.level.to_string(),
-            line.n_patches.to_string(),
-            printed(0),
-            line.iterations[0].to_string(),
-            printed(1),
-            line.iterations[1].to_string(),
-            format!("{:.2e}", line.multiply_adds[0]),
-            format!("{:.2e}", line.multiply_adds[1]),
-            format!("{:.3}", line.multiply_adds[1] / line.multiply_adds[0]),
-            line.printed_ratio.map_or("–".to_owned(), |r| format!("{r:.3}")),
-        ];
-        if with_times {
-            cells.extend([
-                format!("{:.3}", line.time_ratio()),
-                format!("{:.3}", line.time_ratio_with_setup()),
-                format!("{:.3e}", line.times_s[0]),
-                format!("{:.3e}", line.times_s[1]),
-            ]);
-        }
-        table.push(cells);
-    }
-    table
+    let printed = |line: &SolverLine, k: usize| line.printed_iterations.map_or("–".to_owned(), |n| n[k].to_string());
+    let all = table! { line in &results.solvers;
+        "l": line.level,
+        "N": line.n_patches,
+        "GS paper": printed(line, 0),
+        "GS ours": line.iterations[0],
+        "MG paper": printed(line, 1),
+        "MG ours": line.iterations[1],
+        "GS mult.": format!("{:.2e}", line.multiply_adds[0]),
+        "MG mult.": format!("{:.2e}", line.multiply_adds[1]),
+        "mult. ratio": format!("{:.3}", line.multiply_adds[1] / line.multiply_adds[0]),
+        "ratio paper": line.printed_ratio.map_or("–".to_owned(), |r| format!("{r:.3}")),
+        "ratio ours": format!("{:.3}", line.time_ratio()),
+        "with setup": format!("{:.3}", line.time_ratio_with_setup()),
+        "GS time (s)": format!("{:.3e}", line.times_s[0]),
+        "MG time (s)": format!("{:.3e}", line.times_s[1]),
+    };
+    all.without_last(if with_times { 0 } else { 4 })
 }
 
 fn table_2_csv(results: &LewisResults) -> Table {
@@ -255,52 +223,31 @@ fn checks(results: &LewisResults) -> Table {
 }
 
 fn variants(results: &LewisResults) -> Table {
-    let mut table = Table::new([
-        "form",
-        "l = 1",
-        "l = 2",
-        "l = 3",
-        "l = 4",
-        "max |r| at l = 4, cycles 1 to 4",
-    ]);
-    for (variant, runs) in &results.variants {
-        let mut cells = vec![variant.description().to_owned()];
-        cells.extend(
-            runs.iter()
-                .map(|run| run.n_cycles.map_or("diverges".to_owned(), |n| n.to_string())),
-        );
-        let residuals = runs
-            .last()
-            .map_or(&[][..], |run| &run.residuals[..run.residuals.len().min(4)]);
-        let shown: Vec<String> = residuals.iter().map(|r| format!("{r:.2e}")).collect();
-        cells.push(shown.join(", "));
-        table.push(cells);
+    let cycles = |runs: &[VariantRun], k: usize| runs[k].n_cycles.map_or("diverges".to_owned(), |n| n.to_string());
+    let residuals = |run: &VariantRun| {
+        let shown: Vec<String> = run.residuals.iter().take(4).map(|r| format!("{r:.2e}")).collect();
+        shown.join(", ")
+    };
+    table! { (variant, runs) in &results.variants;
+        "form": variant.description(),
+        "l = 1": cycles(runs, 0),
+        "l = 2": cycles(runs, 1),
+        "l = 3": cycles(runs, 2),
+        "l = 4": cycles(runs, 3),
+        "max |r| at l = 4, cycles 1 to 4": residuals(&runs[3]),
     }
-    table
 }
 
 fn by_levels(results: &LewisResults, with_times: bool) -> Table {
-    let mut head = vec!["ε", "terms", "evaluations", "max error"];
-    if with_times {
-        head.extend(["time by all pairs", "time by stored"]);
-    }
-    let mut table = Table::new(head);
-    for run in &results.by_levels {
-        let mut cells = vec![
-            format!("{:.0e}", run.epsilon),
-            format!("{:.3}", run.terms),
-            format!("{:.3}", run.evaluations),
-            format!("{:.1e}", run.error_max),
-        ];
-        if with_times {
-            cells.extend([
-                format!("{:.2}", run.time_by_direct),
-                format!("{:.1}", run.time_by_stored),
-            ]);
-        }
-        table.push(cells);
-    }
-    table
+    let all = table! { run in &results.by_levels;
+        "ε": format!("{:.0e}", run.epsilon),
+        "terms": format!("{:.3}", run.terms),
+        "evaluations": format!("{:.3}", run.evaluations),
+        "max error": format!("{:.1e}", run.error_max),
+        "time by all pairs": format!("{:.2}", run.time_by_direct),
+        "time by stored": format!("{:.1}", run.time_by_stored),
+    };
+    all.without_last(if with_times { 0 } else { 2 })
 }
 
 fn figure_6(results: &LewisResults) -> CurvePlot {

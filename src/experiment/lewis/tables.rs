@@ -134,14 +134,6 @@ pub struct LewisResults {
     pub checks: Vec<Check>,
 }
 
-impl LewisResults {
-    /// Returns whether every number is as expected.
-    #[must_use]
-    pub fn is_met(&self) -> bool {
-        self.checks.iter().all(Check::is_met)
-    }
-}
-
 /// Reproduces the tables; table 2 up to `level_max`, each time as the median of `rounds` runs.
 ///
 /// # Errors

@@ -6,11 +6,12 @@ use crate::form_factor::{FormFactorMethod, Input};
 use crate::matrix::StorageChoice;
 use crate::matrix::operator::Block;
 use crate::mesh::hierarchy::Coarsening;
-use crate::mesh::{Hierarchy, Mesh, Subdivision};
+use crate::mesh::{Hierarchy, Mesh, Prolongation, Subdivision};
 use crate::progress::Progress;
-use crate::scene::{Material, Scene};
+use crate::scene::Scene;
 use crate::solver::{RadiositySystem, Tolerance};
 use crate::visibility::embree::EmbreeVisibility;
+use crate::workflow::materials;
 
 /// The steps from sampling points to measuring patches: 2³ points along an edge.
 const STEPS_TO_MEASURE: usize = 3;
@@ -120,20 +121,8 @@ impl PatchReference {
         let computed = method
             .compute(input, StorageChoice::default(), &crate::progress::Silent)
             .map_err(ExperimentError::FormFactors)?;
-        let of_patches = |value: fn(&Material) -> [f64; 3]| {
-            let of_patch = |p: &crate::mesh::Patch| value(&self.scene.materials[p.material.0 as usize]);
-            let values = mesh
-                .patches
-                .iter()
-                .flat_map(|p| of_patch(p).into_iter().take(self.n_channels));
-            Block::from_values(values.collect(), self.n_channels)
-        };
-        let system = RadiositySystem::new(
-            &computed.factors,
-            mesh.areas(),
-            of_patches(|m| m.reflectance),
-            of_patches(|m| m.exitance),
-        )?;
+        let (reflectance, exitance) = materials(&self.scene, &mesh, self.n_channels);
+        let system = RadiositySystem::new(&computed.factors, mesh.areas(), reflectance, exitance)?;
         let solution = solved(&system, "auto", Tolerance::ResidualL2(1e-8))?;
         Ok(solution.irradiance)
     }
@@ -151,21 +140,15 @@ impl PatchReference {
             "halves of halves"
         );
         let at = (finest / per_edge).ilog2() as usize;
+        let by_channel = |block: &Block, step: &dyn Fn(&[f64]) -> Vec<f64>| {
+            let channels = (0..block.n_channels()).map(|c| step(&block.channel(c)));
+            Block::from_channels(&channels.collect::<Vec<_>>())
+        };
         for level in &self.levels[at.min(STEPS_TO_MEASURE)..STEPS_TO_MEASURE] {
-            let mut coarse = Block::zeros(level.n_coarse(), values.n_channels());
-            for (i, (&parent, share)) in level.parents().iter().zip(level.shares()).enumerate() {
-                for (sum, value) in coarse.row_mut(parent as usize).iter_mut().zip(values.row(i)) {
-                    *sum += share * value;
-                }
-            }
-            values = coarse;
+            values = by_channel(&values, &|fine| level.restricted(fine));
         }
         for level in self.levels[STEPS_TO_MEASURE..at.max(STEPS_TO_MEASURE)].iter().rev() {
-            let rows = level
-                .parents()
-                .iter()
-                .flat_map(|&p| values.row(p as usize).iter().copied());
-            values = Block::from_values(rows.collect(), values.n_channels());
+            values = by_channel(&values, &|coarse| level.prolonged(Prolongation::Injection, coarse));
         }
         values
     }

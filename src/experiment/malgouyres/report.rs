@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{MalgouyresResults, PatchRun, SceneResult, VoxelRun};
 use crate::experiment::ExperimentError;
-use crate::experiment::findings::{Check, FAILED, Files, Findings, PaperDocument, text_file};
+use crate::experiment::findings::{Check, Files, PaperFindings, text_file};
 use crate::report::curves::{Curve, CurvePlot};
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
 use crate::report::{Machine, Table, table};
@@ -45,20 +45,11 @@ impl MalgouyresResults {
     ///
     /// # Errors
     /// [`ExperimentError::Plot`].
-    pub fn findings(&self) -> Result<Findings<PaperDocument<'_, Self, Vec<SceneTimes>>>, ExperimentError> {
-        let inside = self.is_met();
-        Ok(Findings {
-            printed: report(self, true),
-            files: files(self)?,
-            captions: Vec::new(),
-            document: PaperDocument {
-                machine: Machine::here(),
-                inside,
-                results: self,
-                times: self.scenes.iter().map(SceneTimes::from).collect(),
-            },
-            wrong: (!inside).then(|| FAILED.to_owned()),
-        })
+    pub fn findings(&self) -> Result<PaperFindings<'_, Self, Vec<SceneTimes>>, ExperimentError> {
+        let inside = Check::all_met(&self.checks);
+        let times = self.scenes.iter().map(SceneTimes::from).collect();
+        let printed = report(self, true);
+        Ok(PaperFindings::new(self, times, inside, printed, files(self)?))
     }
 }
 
@@ -94,7 +85,7 @@ fn report(results: &MalgouyresResults, with_times: bool) -> String {
              patch) in no more time. \"Voxels, same time\": the error of uniform voxels with R = 30 after that time, between two resolutions on the straight line in logarithms, \
              or that of the finest where it took no longer.",
             machine.n_threads,
-            machine.cpu_model.as_deref().unwrap_or(machine.architecture)
+            machine.processor()
         );
     }
     for scene in &results.scenes {
@@ -128,63 +119,38 @@ fn all_voxel_runs(scene: &SceneResult) -> impl Iterator<Item = (&'static str, &V
 }
 
 fn voxel_table(scene: &SceneResult, with_times: bool) -> Table {
-    let mut columns = vec![
-        "varied",
-        "n",
-        "R",
-        "cells to",
-        "unknowns",
-        "links",
-        "error",
-        "from R max",
-    ];
-    if with_times {
-        columns.extend(["time (s)", "voxels, same time", "patches, same time"]);
-    }
-    let mut table = Table::new(columns);
     let or_dash = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
-    for (varied, run) in all_voxel_runs(scene) {
-        let mut cells = vec![
-            varied.to_owned(),
-            run.n.to_string(),
-            run.radius.to_string(),
-            or_dash(run.tolerance.map(|t| format!("{t}"))),
-            run.n_unknowns.to_string(),
-            run.n_links.to_string(),
-            format!("{:.2e}", run.error),
-            or_dash(run.change.map(|change| format!("{change:.2e}"))),
-        ];
-        if with_times {
-            let in_time = scene.patches.iter().filter(|patches| patches.time_s <= run.time_s);
-            let best = in_time.min_by(|a, b| a.error.total_cmp(&b.error));
-            cells.push(format!("{:.3}", run.time_s));
-            // A comparison of a resolution with itself is meaningless.
-            let uniform = scene.uniform_error_after(run.time_s).filter(|_| varied == "cells");
-            cells.push(or_dash(uniform.map(|error| format!("{error:.2e}"))));
-            cells.push(or_dash(
-                best.map(|p| format!("{:.2e} ({}, {})", p.error, p.method, p.n_patches)),
-            ));
-        }
-        table.push(cells);
-    }
-    table
+    // A comparison of a resolution with itself is meaningless.
+    let uniform = |varied: &str, run: &VoxelRun| scene.uniform_error_after(run.time_s).filter(|_| varied == "cells");
+    let best_patches = |run: &VoxelRun| {
+        let in_time = scene.patches.iter().filter(|patches| patches.time_s <= run.time_s);
+        in_time.min_by(|a, b| a.error.total_cmp(&b.error))
+    };
+    let all = table! { (varied, run) in all_voxel_runs(scene);
+        "varied": varied,
+        "n": run.n,
+        "R": run.radius,
+        "cells to": or_dash(run.tolerance.map(|t| format!("{t}"))),
+        "unknowns": run.n_unknowns,
+        "links": run.n_links,
+        "error": format!("{:.2e}", run.error),
+        "from R max": or_dash(run.change.map(|change| format!("{change:.2e}"))),
+        "time (s)": format!("{:.3}", run.time_s),
+        "voxels, same time": or_dash(uniform(varied, run).map(|error| format!("{error:.2e}"))),
+        "patches, same time": or_dash(best_patches(run).map(|p| format!("{:.2e} ({}, {})", p.error, p.method, p.n_patches))),
+    };
+    all.without_last(if with_times { 0 } else { 3 })
 }
 
 fn patch_table(scene: &SceneResult, with_times: bool) -> Table {
-    let mut columns = vec!["method", "parts of an edge", "patches", "error"];
-    columns.extend(with_times.then_some("time (s)"));
-    let mut table = Table::new(columns);
-    for run in &scene.patches {
-        let mut cells = vec![
-            format!("patches, {}", run.method),
-            run.per_edge.to_string(),
-            run.n_patches.to_string(),
-            format!("{:.2e}", run.error),
-        ];
-        cells.extend(with_times.then(|| format!("{:.3}", run.time_s)));
-        table.push(cells);
-    }
-    table
+    let all = table! { run in &scene.patches;
+        "method": format!("patches, {}", run.method),
+        "parts of an edge": run.per_edge,
+        "patches": run.n_patches,
+        "error": format!("{:.2e}", run.error),
+        "time (s)": format!("{:.3}", run.time_s),
+    };
+    all.without_last(usize::from(!with_times))
 }
 
 fn voxels_csv(results: &MalgouyresResults) -> Table {

@@ -125,14 +125,6 @@ pub struct MalgouyresResults {
     pub checks: Vec<Check>,
 }
 
-impl MalgouyresResults {
-    /// Returns whether all checks are met.
-    #[must_use]
-    pub fn is_met(&self) -> bool {
-        self.checks.iter().all(|check| check.is_met)
-    }
-}
-
 /// Runs voxels, cells and patches on all scenes.
 ///
 /// # Errors

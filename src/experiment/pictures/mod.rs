@@ -13,15 +13,16 @@ use super::solved::solved;
 use crate::form_factor::{ExactMethod, FormFactorMethod as _, Input};
 use crate::matrix::StorageChoice;
 use crate::matrix::operator::{Block, LinearOperator as _};
-use crate::mesh::{Mesh, Patch, Subdivision};
+use crate::mesh::{Mesh, Subdivision};
 use crate::progress::Progress;
 use crate::render::{
     DirectMethod, GatherReport, GatherSettings, Image, Outdoors, RayView, RenderError, RenderInput, RenderSettings,
     png, render,
 };
-use crate::scene::{Material, builtin, topology};
+use crate::scene::{builtin, topology};
 use crate::solver::{RadiositySystem, Tolerance};
 use crate::visibility::embree::EmbreeVisibility;
+use crate::workflow::materials;
 
 pub use report::PictureTimes;
 
@@ -99,14 +100,6 @@ pub struct PicturesResults {
     pub reference_picture: Vec<u8>,
 }
 
-impl PicturesResults {
-    /// Returns whether all checks are met.
-    #[must_use]
-    pub fn is_met(&self) -> bool {
-        self.checks.iter().all(|check| check.is_met)
-    }
-}
-
 /// Returns the ways to render: flags, settings.
 fn ways() -> Vec<(String, RenderSettings)> {
     let plain = |flat, direct| RenderSettings {
@@ -170,11 +163,7 @@ pub fn reproduce(level: u32, progress: &dyn Progress) -> Result<PicturesResults,
         .compute(input, StorageChoice::default(), progress)
         .map_err(ExperimentError::FormFactors)?;
     let factors = computed.factors;
-    let collect = |value: fn(&Material) -> [f64; 3]| {
-        let of_patch = |patch: &Patch| value(&scene.materials[patch.material.0 as usize]);
-        Block::from_values(mesh.patches.iter().flat_map(of_patch).collect(), 3)
-    };
-    let (reflectance, exitance) = (collect(|m| m.reflectance), collect(|m| m.exitance));
+    let (reflectance, exitance) = materials(&scene, &mesh, 3);
     let system = RadiositySystem::new(&factors, mesh.areas(), reflectance, exitance.clone())?;
     let solution = solved(&system, "auto", Tolerance::ResidualL2(1e-6))?;
     let reflected = solution.radiosity.values().iter().zip(exitance.values());

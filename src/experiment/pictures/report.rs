@@ -6,9 +6,9 @@ use serde::Serialize;
 
 use super::{PictureRun, PicturesResults};
 use crate::experiment::ExperimentError;
-use crate::experiment::findings::{Check, FAILED, Files, Findings, PaperDocument, text_file};
+use crate::experiment::findings::{Check, Files, Findings, PaperFindings, text_file};
 use crate::report::plot::{ErrorTimePlot, PlotPoint, Ranged, Series};
-use crate::report::{Machine, Table};
+use crate::report::{Machine, Table, table};
 
 /// The file of the reference's image.
 const REFERENCE: &str = "reference.png";
@@ -28,22 +28,15 @@ impl PicturesResults {
     ///
     /// # Errors
     /// [`ExperimentError::Plot`].
-    pub fn findings(&self) -> Result<Findings<PaperDocument<'_, Self, PictureTimes>>, ExperimentError> {
-        let inside = self.is_met();
+    pub fn findings(&self) -> Result<PaperFindings<'_, Self, PictureTimes>, ExperimentError> {
+        let inside = Check::all_met(&self.checks);
+        let times = PictureTimes {
+            runs_s: self.runs.iter().map(|run| run.time_s).collect(),
+            reference_s: self.reference_time_s,
+        };
         Ok(Findings {
-            printed: report(self, true),
-            files: files(self)?,
             captions: captions(self),
-            document: PaperDocument {
-                machine: Machine::here(),
-                inside,
-                results: self,
-                times: PictureTimes {
-                    runs_s: self.runs.iter().map(|run| run.time_s).collect(),
-                    reference_s: self.reference_time_s,
-                },
-            },
-            wrong: (!inside).then(|| FAILED.to_owned()),
+            ..PaperFindings::new(self, times, inside, report(self, true), files(self)?)
         })
     }
 }
@@ -113,7 +106,7 @@ fn report(results: &PicturesResults, with_times: bool) -> String {
             text,
             "\nTimes: of the rendering alone, one run each with {} threads on {}; the reference took {:.1} s.",
             machine.n_threads,
-            machine.cpu_model.as_deref().unwrap_or(machine.architecture),
+            machine.processor(),
             results.reference_time_s
         );
     }
@@ -125,28 +118,16 @@ fn report(results: &PicturesResults, with_times: bool) -> String {
 }
 
 fn table(results: &PicturesResults, with_times: bool) -> Table {
-    let mut columns = vec![
-        "flags",
-        "method",
-        "root mean square",
-        "median",
-        "relative to the pixel",
-        "rays",
-    ];
-    if with_times {
-        columns.push("time (s)");
-    }
-    let mut table = Table::new(columns);
-    for run in &results.runs {
-        let mut cells = vec![run.flags.clone(), method_of(run).to_owned()];
-        cells.extend([run.rms, run.median, run.relative_rms].map(|error| format!("{error:.3e}")));
-        cells.push(run.n_rays.to_string());
-        if with_times {
-            cells.push(format!("{:.3}", run.time_s));
-        }
-        table.push(cells);
-    }
-    table
+    let all = table! { run in &results.runs;
+        "flags": run.flags,
+        "method": method_of(run),
+        "root mean square": format!("{:.3e}", run.rms),
+        "median": format!("{:.3e}", run.median),
+        "relative to the pixel": format!("{:.3e}", run.relative_rms),
+        "rays": run.n_rays,
+        "time (s)": format!("{:.3}", run.time_s),
+    };
+    all.without_last(usize::from(!with_times))
 }
 
 fn error_time(results: &PicturesResults) -> ErrorTimePlot {

@@ -14,8 +14,8 @@ use crate::matrix::Need;
 use crate::matrix::operator::{Block, LinearOperator};
 use crate::mesh::Subdivision;
 use crate::scene::builtin;
+use crate::solver::RadiositySystem;
 use crate::solver::registry::SolverEntry;
-use crate::solver::{RadiositySystem, StopReason};
 use crate::workflow::{
     Context, FormFactorRequest, FormFactorStudy, HeatStudy, Model, SolveRequest, TotalError, Use, WorkflowError,
 };
@@ -130,47 +130,28 @@ impl Enclosure {
         let begun = Instant::now();
         let found = self.model.heat(&self.factors, &case.boundary(), &request, &mut self.cx);
         let time_s = begun.elapsed().as_secs_f64();
-        let mut cell = Cell {
-            case: case.name.to_owned(),
-            solver: entry.name,
-            verdict: Verdict::Refused,
-            detail: String::new(),
-            choice: None,
-            n_passes: None,
-            work: None,
-            time_s: None,
-            error: None,
-            error_bound: None,
-            residual_l2: None,
-        };
         let study = match found {
             Ok(study) => study,
-            Err(error) => {
-                cell.detail = error.to_string();
-                return cell;
-            }
+            Err(error) => return Cell::refused(case.name, entry, error.to_string()),
         };
-        let solution = &study.thermal;
-        cell.choice = solution.choice.as_ref().map(|choice| choice.solver);
-        cell.n_passes = Some(solution.n_passes);
-        cell.work = Some(solution.history.last().map_or(0.0, |last| last.work) + solution.n_checks as f64);
-        cell.time_s = Some(time_s);
-        cell.residual_l2 = Some(solution.residual_l2);
-        (cell.verdict, cell.detail) = match solution.stop_reason {
-            StopReason::Converged if !study.is_exact() || study.error == TotalError::TooGreat => {
-                (Verdict::Refused, "its errors are stated to be too great".to_owned())
+        let mut errors = None;
+        let cell = Cell::solved(case.name, entry, &study.thermal, time_s, || {
+            if !study.is_exact() || study.error == TotalError::TooGreat {
+                return (Verdict::Refused, "its errors are stated to be too great".to_owned());
             }
-            StopReason::Converged => match self.judged(case, &study) {
-                Ok((error, bound)) => {
-                    (cell.error, cell.error_bound) = (Some(error), Some(bound));
+            match self.judged(case, &study) {
+                Ok(own) => {
+                    errors = Some(own);
                     (Verdict::Right, "converged".to_owned())
                 }
                 Err(lie) => (Verdict::Wrong, lie),
-            },
-            StopReason::MaxPasses => (Verdict::Slow, StopReason::MaxPasses.to_string()),
-            other => (Verdict::Refused, other.to_string()),
-        };
-        cell
+            }
+        });
+        Cell {
+            error: errors.map(|(error, _)| error),
+            error_bound: errors.map(|(_, bound)| bound),
+            ..cell
+        }
     }
 
     /// Returns the greatest error of an irradiance and the greatest stated one, or the violation.

@@ -29,12 +29,11 @@ use super::ExperimentError;
 use crate::matrix::operator::Block;
 use crate::progress::Progress;
 use crate::solver::registry::{SOLVERS, SolverEntry};
-use crate::solver::twofold::Twofold;
 use crate::solver::{
     RadiositySystem, Solution, SolveOptions, Solver, SolverError, SolverSettings, StopReason, Tolerance,
 };
 use cases::{Case, Expected};
-use oracle::Oracle;
+use oracle::{Oracle, residuals};
 
 pub use report::{CaseTimes, StabilityDocument};
 
@@ -94,6 +93,49 @@ pub struct Cell {
     pub error_bound: Option<f64>,
     /// sqrt(Σ A r² / Σ A E²).
     pub residual_l2: Option<f64>,
+}
+
+impl Cell {
+    /// Returns the cell of a case that the solver refuses.
+    fn refused(case: &str, entry: &SolverEntry, detail: String) -> Self {
+        Self {
+            case: case.to_owned(),
+            solver: entry.name,
+            verdict: Verdict::Refused,
+            detail,
+            choice: None,
+            n_passes: None,
+            work: None,
+            time_s: None,
+            error: None,
+            error_bound: None,
+            residual_l2: None,
+        }
+    }
+
+    /// Returns the cell of a solution without its errors; `converged` judges one that is reported as converged.
+    fn solved(
+        case: &str,
+        entry: &SolverEntry,
+        solution: &Solution,
+        time_s: f64,
+        converged: impl FnOnce() -> (Verdict, String),
+    ) -> Self {
+        let (verdict, detail) = match solution.stop_reason {
+            StopReason::Converged => converged(),
+            StopReason::MaxPasses => (Verdict::Slow, StopReason::MaxPasses.to_string()),
+            other => (Verdict::Refused, other.to_string()),
+        };
+        Self {
+            verdict,
+            choice: solution.choice.as_ref().map(|choice| choice.solver),
+            n_passes: Some(solution.n_passes),
+            work: Some(solution.history.last().map_or(0.0, |last| last.work) + solution.n_checks as f64),
+            time_s: Some(time_s),
+            residual_l2: Some(solution.residual_l2),
+            ..Self::refused(case, entry, detail)
+        }
+    }
 }
 
 /// One case and how `auto` did among the solvers.
@@ -182,7 +224,8 @@ fn try_case(case: &Case, n_runs: &RangeInclusive<usize>, progress: &dyn Progress
         Ok(judge) => judge,
         Err(error) => {
             progress.advance(SOLVERS.len() as u64);
-            return SOLVERS.iter().map(|entry| refused(case, entry, error)).collect();
+            let refused = |entry: &&'static SolverEntry| Cell::refused(&case.name, entry, error.to_string());
+            return SOLVERS.iter().map(refused).collect();
         }
     };
     let mut trials: Vec<Trial> = SOLVERS.iter().copied().map(Trial::new).collect();
@@ -246,50 +289,24 @@ impl Trial {
     }
 }
 
-fn refused(case: &Case, entry: &SolverEntry, error: &SolverError) -> Cell {
-    Cell {
-        case: case.name.clone(),
-        solver: entry.name,
-        verdict: Verdict::Refused,
-        detail: error.to_string(),
-        choice: None,
-        n_passes: None,
-        work: None,
-        time_s: None,
-        error: None,
-        error_bound: None,
-        residual_l2: None,
-    }
-}
-
 /// Returns the verdict on a solver's runs.
 fn judged(case: &Case, trial: Trial, system: &RadiositySystem, oracle: &Oracle) -> Cell {
     let Trial { entry, time_s, .. } = trial;
     let solution = match trial.outcome.expect("at least one run") {
         Ok(solution) => solution,
-        Err(error) => return refused(case, entry, &error),
+        Err(error) => return Cell::refused(&case.name, entry, error.to_string()),
     };
     let error = relative_error(system.areas(), &solution.radiosity, &oracle.radiosity);
-    let (verdict, detail) = match solution.stop_reason {
-        StopReason::Converged => match lie(case, system, oracle, &solution, error) {
+    let cell = Cell::solved(&case.name, entry, &solution, time_s, || {
+        match lie(case, system, oracle, &solution, error) {
             None => (Verdict::Right, "converged".to_owned()),
             Some(lie) => (Verdict::Wrong, lie),
-        },
-        StopReason::MaxPasses => (Verdict::Slow, StopReason::MaxPasses.to_string()),
-        other => (Verdict::Refused, other.to_string()),
-    };
+        }
+    });
     Cell {
-        case: case.name.clone(),
-        solver: entry.name,
-        verdict,
-        detail,
-        choice: solution.choice.as_ref().map(|choice| choice.solver),
-        n_passes: Some(solution.n_passes),
-        work: Some(solution.history.last().map_or(0.0, |last| last.work) + solution.n_checks as f64),
-        time_s: Some(time_s),
         error: Some(error),
         error_bound: solution.error_bound,
-        residual_l2: Some(solution.residual_l2),
+        ..cell
     }
 }
 
@@ -306,7 +323,7 @@ fn lie(case: &Case, system: &RadiositySystem, oracle: &Oracle, solution: &Soluti
         return Some("a radiosity is negative".to_owned());
     }
     for c in 0..system.n_channels() {
-        let residuals = residuals(system, &solution.radiosity, c);
+        let residuals = residuals(system, c, &system.exitance().channel(c), &solution.radiosity.channel(c));
         let residual = |i: usize| residuals[i];
         let l2 = |value: &dyn Fn(usize) -> f64| -> f64 {
             // The greatest value is factored out: its square may overflow.
@@ -353,21 +370,6 @@ fn lie(case: &Case, system: &RadiositySystem, oracle: &Oracle, solution: &Soluti
         }
     }
     None
-}
-
-/// Returns E − B + ρ F B of one channel, in twice the precision: in f64 it may be 0 by rounding alone.
-fn residuals(system: &RadiositySystem, radiosity: &Block, c: usize) -> Vec<f64> {
-    let rows = system.operator().rows().expect("all cases have rows");
-    let of_row = |i: usize| {
-        let mut irradiance = Twofold::default();
-        rows.visit_row(i, &mut |j, f| irradiance.add_product(f, radiosity.row(j)[c]));
-        let mut residual = Twofold::default();
-        residual.add_multiple(system.reflectance().row(i)[c], &irradiance);
-        residual.add(system.exitance().row(i)[c]);
-        residual.add(-radiosity.row(i)[c]);
-        residual.value()
-    };
-    (0..system.n_patches()).map(of_row).collect()
 }
 
 /// The relative rounding error of a pass over a few hundred patches.

@@ -1,8 +1,9 @@
 //! Exact solutions, and the allowed errors of others.
 
-use crate::matrix::operator::{Block, LinearOperator};
+use crate::matrix::operator::Block;
 use crate::solver::RadiositySystem;
 use crate::solver::lu::{Dense, Lu};
+use crate::solver::twofold::Twofold;
 
 /// The exact solution of a system, by a factorisation and refinement with residuals in twice the precision.
 pub(super) struct Oracle {
@@ -21,39 +22,33 @@ impl Oracle {
     /// Solves a system whose operator has rows and whose solution is unique, or has the mean zero in a single component that is `white`.
     pub(super) fn new(system: &RadiositySystem, white: bool) -> Self {
         let (n, n_channels) = (system.n_patches(), system.n_channels());
-        let rows = dense(system.operator());
+        let rows = system.operator().rows().expect("all cases have rows");
         let total: f64 = system.areas().iter().sum();
         let mut radiosity = Block::zeros(n, n_channels);
         let (mut amplification, mut of_light) = (Vec::new(), true);
         for c in 0..n_channels {
             let rho = |i: usize| system.reflectance().row(i)[c];
             let even = |j: usize| if white { system.areas()[j] / total } else { 0.0 };
-            let entry = |i: usize, j: usize| f64::from(u8::from(i == j)) - rho(i) * rows[i][j] + even(j);
-            let lu = Lu::new(Dense::from_fn(n, entry));
-            let solve = |exitance: &dyn Fn(usize) -> f64| {
+            let mut matrix = Dense::from_fn(n, |i, j| f64::from(u8::from(i == j)) + even(j));
+            for i in 0..n {
+                rows.visit_row(i, &mut |j, f| *matrix.at_mut(i, j) -= rho(i) * f);
+            }
+            let lu = Lu::new(matrix);
+            let solve = |exitance: &[f64]| {
                 let mut b = vec![0.0; n];
                 for _ in 0..STEPS {
-                    let residual = |i: usize| {
-                        let mut sum = Precise::default();
-                        sum.add(exitance(i));
-                        sum.add(-b[i]);
-                        for (j, f) in rows[i].iter().enumerate() {
-                            // The product ρ F is rounded in `entry`, but not here: only the factorisation is less accurate for it.
-                            sum.add_product3(rho(i), *f, b[j]);
-                        }
-                        for (j, value) in b.iter().enumerate().filter(|_| white) {
-                            sum.add_product(-even(j), *value);
-                        }
-                        sum.value()
-                    };
-                    let mut step: Vec<f64> = (0..n).map(residual).collect();
+                    let mean: f64 = b.iter().enumerate().map(|(j, b)| even(j) * b).sum();
+                    let mut step = residuals(system, c, exitance, &b);
+                    for r in &mut step {
+                        *r -= mean;
+                    }
                     lu.solve(&mut step);
                     b.iter_mut().zip(step).for_each(|(b, d)| *b += d);
                 }
                 b
             };
-            let b = solve(&|i| system.exitance().row(i)[c]);
-            let v = solve(&|_| 1.0);
+            let b = solve(&system.exitance().channel(c));
+            let v = solve(&vec![1.0; n]);
             of_light &= v.iter().all(|v| *v >= 0.0);
             let squares: f64 = system.areas().iter().zip(&v).map(|(a, v)| a * v * v).sum();
             amplification.push(squares.sqrt());
@@ -67,66 +62,17 @@ impl Oracle {
     }
 }
 
-/// Returns all entries of F.
-pub(super) fn dense(operator: &dyn LinearOperator) -> Vec<Vec<f64>> {
-    let n = operator.n_rows();
-    let row = |i: usize| {
-        let mut row = vec![0.0; n];
-        if let Some(rows) = operator.rows() {
-            rows.visit_row(i, &mut |j, f| row[j] = f);
-        }
-        row
+/// Returns E − B + ρ F B of one channel, in twice the precision: in f64 it may be 0 by rounding alone.
+pub(super) fn residuals(system: &RadiositySystem, c: usize, exitance: &[f64], radiosity: &[f64]) -> Vec<f64> {
+    let rows = system.operator().rows().expect("all cases have rows");
+    let of_row = |i: usize| {
+        let mut irradiance = Twofold::default();
+        rows.visit_row(i, &mut |j, f| irradiance.add_product(f, radiosity[j]));
+        let mut residual = Twofold::default();
+        residual.add_multiple(system.reflectance().row(i)[c], &irradiance);
+        residual.add(exitance[i]);
+        residual.add(-radiosity[i]);
+        residual.value()
     };
-    (0..n).map(row).collect()
-}
-
-/// A sum in twice the precision (Ogita, Rump and Oishi, "Accurate sum and dot product", SIAM J. Sci. Comput. 26, 2005, algorithm 5.3).
-#[derive(Default)]
-struct Precise {
-    high: f64,
-    low: f64,
-}
-
-impl Precise {
-    fn add(&mut self, x: f64) {
-        let sum = self.high + x;
-        let part = sum - self.high;
-        self.low += (self.high - (sum - part)) + (x - part);
-        self.high = sum;
-    }
-
-    fn add_product(&mut self, a: f64, b: f64) {
-        let product = a * b;
-        self.low += a.mul_add(b, -product);
-        self.add(product);
-    }
-
-    fn add_product3(&mut self, a: f64, b: f64, c: f64) {
-        let product = a * b;
-        let rest = a.mul_add(b, -product);
-        self.low += rest * c;
-        self.add_product(product, c);
-    }
-
-    fn value(&self) -> f64 {
-        self.high + self.low
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sums_that_cancel_keep_their_digits() {
-        let mut sum = Precise::default();
-        sum.add(1.0);
-        sum.add_product3(-0.1, 0.1, 100.0);
-        // 1 − 100 fl(0.1)², exactly: fl(0.1) = 0.1 (1 + 5.551e-17).
-        assert!(
-            (sum.value() + 1.110_223_024_625_156_5e-16).abs() < 1e-30,
-            "{:e}",
-            sum.value()
-        );
-    }
+    (0..system.n_patches()).map(of_row).collect()
 }

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use serde::Serialize;
+use serde_json::json;
 
 use super::{Cell, MAX_PASSES, Stability, TOLERANCE, Verdict};
 use crate::experiment::ExperimentError;
@@ -25,13 +26,6 @@ pub struct StabilityDocument<'a> {
     pub result: &'a Stability,
     /// Our times, case by case.
     pub times: Vec<CaseTimes<'a>>,
-}
-
-/// The part of `results.json` about the table.
-#[derive(Debug, Serialize)]
-struct StabilityResult<'a> {
-    /// The table.
-    result: &'a Stability,
 }
 
 /// Our times of one case.
@@ -74,7 +68,7 @@ fn files(result: &Stability, settings: &Settings) -> Result<Files, ExperimentErr
         schema_version: SCHEMA_VERSION,
         version: None,
         settings,
-        results: StabilityResult { result },
+        results: json!({ "result": result }),
     };
     Ok(vec![
         text_file("report.md", report(result, false)),

@@ -11,6 +11,7 @@ use crate::progress::Progress;
 use crate::scene::{builtin, topology};
 use crate::solver::{RadiositySystem, SolverError};
 use crate::visibility::embree::EmbreeVisibility;
+use crate::workflow::materials;
 
 /// A test case: table 1 of the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -79,17 +80,16 @@ impl Model {
         let targets = vec![1.0; mesh.n_patches()];
         let symmetric = raw.symmetrised()?;
         let (factors, _) = symmetric.balanced(&targets, BALANCE_TOLERANCE, BALANCE_PASSES)?;
-        let material = |k: usize| &scene.materials[mesh.patches[k].material.0 as usize];
-        let reflectances: Vec<f64> = (0..mesh.n_patches()).map(|k| material(k).reflectance[0]).collect();
+        let (reflectance, exitance) = materials(&scene, &mesh, 1);
+        let reflectances = reflectance.values();
         let areas = mesh.areas();
-        let weighted: f64 = areas.iter().zip(&reflectances).map(|(a, rho)| a * rho).sum();
+        let weighted: f64 = areas.iter().zip(reflectances).map(|(a, rho)| a * rho).sum();
         let mean = weighted / areas.iter().sum::<f64>();
-        let exitance = (0..mesh.n_patches()).map(|k| material(k).exitance[0]).collect();
         Ok(Self {
             scene: name,
             factors,
             pattern: reflectances.iter().map(|rho| rho / mean).collect(),
-            exitance: Block::from_values(exitance, 1),
+            exitance,
         })
     }
 

@@ -60,6 +60,8 @@ struct System<'a> {
     areas: &'a [f64],
     rho: &'a [f64],
     e: &'a [f64],
+    /// The solution.
+    reference: &'a [f64],
 }
 
 impl System<'_> {
@@ -116,9 +118,7 @@ pub(super) fn run(
         areas: factors.areas(),
         rho: reflectance.values(),
         e: exitance.values(),
-    };
-    let judge = |name, slip, expected, (b, n_steps): (Vec<f64>, u64)| {
-        judge(&system, reference.values(), name, slip, expected, &b, n_steps)
+        reference: reference.values(),
     };
     // The paper's two failures need the same reflectance everywhere and E = 1.
     let uniform = vec![case.rho_avg; system.rho.len()];
@@ -128,33 +128,35 @@ pub(super) fn run(
         e: &unit,
         ..system
     };
-    let plain_reference = solve(&plain)?;
+    let plain = System {
+        reference: &solve(&plain)?,
+        ..plain
+    };
     let fails = case.scene == "sphere-room-r1";
-    let (shot, n_steps) = overshooting(&plain);
-    let feda = self::judge(
-        &plain,
-        &plain_reference,
-        "overshooting (Feda), uniform ρ, E = 1",
-        "line 13 sets ΔB_i to −ρ_i Ambient",
-        fails.then_some(Verdict::Diverges),
-        &shot,
-        n_steps,
-    );
     Ok(vec![
         judge(
+            &system,
             "gauss-seidel",
             "line 5 subtracts the reflected light",
             Some(Verdict::WrongAnswer),
             gauss_seidel(&system),
         ),
-        feda,
         judge(
+            &plain,
+            "overshooting (Feda), uniform ρ, E = 1",
+            "line 13 sets ΔB_i to −ρ_i Ambient",
+            fails.then_some(Verdict::Diverges),
+            overshooting(&plain),
+        ),
+        judge(
+            &system,
             "chebyshev",
             "line 17 takes the residual of the radiosities before",
             Some(Verdict::Diverges),
             chebyshev(&system),
         ),
         judge(
+            &system,
             "cg",
             "V = ρ/A, and line 3 takes E − V G B",
             None,
@@ -178,15 +180,17 @@ fn solve(system: &System) -> Result<Vec<f64>, ExperimentError> {
 
 fn judge(
     system: &System,
-    reference: &[f64],
     name: &'static str,
     slip: &'static str,
     expected: Option<Verdict>,
-    b: &[f64],
-    n_steps: u64,
+    (b, n_steps): (Vec<f64>, u64),
 ) -> PrintedForm {
-    let residual_max_power = system.max_power(&system.residual(b));
-    let squares: Vec<f64> = b.iter().zip(reference).map(|(b, exact)| (b - exact).powi(2)).collect();
+    let residual_max_power = system.max_power(&system.residual(&b));
+    let squares: Vec<f64> = b
+        .iter()
+        .zip(system.reference)
+        .map(|(b, exact)| (b - exact).powi(2))
+        .collect();
     let error_rms = (system.total(&squares) / system.areas.iter().sum::<f64>()).sqrt();
     let verdict = if residual_max_power <= TOLERANCE {
         Verdict::Converges

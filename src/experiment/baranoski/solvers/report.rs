@@ -60,26 +60,15 @@ pub(in crate::experiment::baranoski) fn report(results: &[CaseResult], with_time
             result.eigenvalue_range[1]
         );
         text.push_str(&case_table(result, with_times).to_markdown());
-        let mut forms = Table::new([
-            "as printed",
-            "what is wrong",
-            "steps",
-            "outcome",
-            "expected",
-            "max |r A| (W)",
-            "RMS error",
-        ]);
-        for form in &result.printed_forms {
-            forms.push([
-                form.name.to_owned(),
-                form.slip.to_owned(),
-                form.n_steps.to_string(),
-                verdict(form.verdict),
-                form.expected.map_or("–".to_owned(), verdict),
-                format!("{:.1e}", form.residual_max_power),
-                format!("{:.1e}", form.error_rms),
-            ]);
-        }
+        let forms = table! { form in &result.printed_forms;
+            "as printed": form.name,
+            "what is wrong": form.slip,
+            "steps": form.n_steps,
+            "outcome": verdict(form.verdict),
+            "expected": form.expected.map_or("–", verdict),
+            "max |r A| (W)": format!("{:.1e}", form.residual_max_power),
+            "RMS error": format!("{:.1e}", form.error_rms),
+        };
         let _ = writeln!(text, "\n{}", forms.to_markdown());
         let verdict = if result.inside() { "inside" } else { "OUTSIDE" };
         let _ = writeln!(text, "Case {}: {verdict} the tolerances.", case.name);
@@ -87,58 +76,31 @@ pub(in crate::experiment::baranoski) fn report(results: &[CaseResult], with_time
     text
 }
 
-fn verdict(verdict: Verdict) -> String {
+fn verdict(verdict: Verdict) -> &'static str {
     match verdict {
         Verdict::Converges => "converges",
         Verdict::WrongAnswer => "wrong answer",
         Verdict::Diverges => "diverges",
     }
-    .to_owned()
 }
 
 fn case_table(result: &CaseResult, with_times: bool) -> Table {
-    let mut head = vec![
-        "method",
-        "start",
-        "paper: s",
-        "paper: passes",
-        "expected",
-        "passes",
-        "steps",
-        "selected alike",
-        "RMS error",
-        "Goertler",
-        "tolerances",
-    ];
-    if with_times {
-        head.push("ms");
-    }
-    let mut table = Table::new(head);
-    for (run, method) in result.runs.iter().zip(&METHODS) {
-        let dash = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
-        let mut cells = vec![
-            run.method.to_owned(),
-            start_name(method.start).to_owned(),
-            dash(run.paper_time_s.map(|t| format!("{t:.2}"))),
-            dash(run.paper_passes.map(|p| p.to_string())),
-            dash(run.expected_count.map(|c| c.to_string())),
-            if method.by_steps {
-                format!("{:.2}", run.n_passes)
-            } else {
-                format!("{:.0}", run.n_passes)
-            },
-            run.n_steps.to_string(),
-            dash(run.selected_alike.map(|share| format!("{:.0} %", 100.0 * share))),
-            format!("{:.1e}", run.error_rms),
-            format!("{:.1e}", run.error_goertler),
-            if run.inside { "inside" } else { "OUTSIDE" }.to_owned(),
-        ];
-        if with_times {
-            cells.push(format!("{:.2}", 1e3 * run.time_s));
-        }
-        table.push(cells);
-    }
-    table
+    let dash = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
+    let all = table! { (run, method) in result.runs.iter().zip(&METHODS);
+        "method": run.method,
+        "start": start_name(method.start),
+        "paper: s": dash(run.paper_time_s.map(|t| format!("{t:.2}"))),
+        "paper: passes": dash(run.paper_passes.map(|p| p.to_string())),
+        "expected": dash(run.expected_count.map(|c| c.to_string())),
+        "passes": format!("{:.*}", if method.by_steps { 2 } else { 0 }, run.n_passes),
+        "steps": run.n_steps,
+        "selected alike": dash(run.selected_alike.map(|share| format!("{:.0} %", 100.0 * share))),
+        "RMS error": format!("{:.1e}", run.error_rms),
+        "Goertler": format!("{:.1e}", run.error_goertler),
+        "tolerances": if run.inside { "inside" } else { "OUTSIDE" },
+        "ms": format!("{:.2}", 1e3 * run.time_s),
+    };
+    all.without_last(usize::from(!with_times))
 }
 
 /// Returns tables and plots as files.
