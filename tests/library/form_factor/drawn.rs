@@ -184,10 +184,10 @@ fn a_door_that_moves_the_corners_of_its_wall_is_told_how_far() {
         };
         warnings.iter().find_map(|warning| of_cut(&warning.kind)).unwrap()
     };
-    let (distance, message) = moved(1e-9);
-    assert!((distance - 1e-9).abs() < 1e-15 && message.ends_with("corners move by 1.0e-9 m, which errors leave out"));
-    let (distance, message) = moved(0.0);
-    assert!(distance <= 0.0 && message.ends_with("m² in all"));
+    let (tilted, message) = moved(1e-9);
+    assert!((tilted - 1e-9).abs() < 1e-15 && message.ends_with("corners move by 1.0e-9 m, which errors leave out"));
+    let (flat, short) = moved(0.0);
+    assert!(flat <= 0.0 && short.ends_with("m² in all"));
 }
 
 #[test]
