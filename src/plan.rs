@@ -4,8 +4,8 @@ mod storage;
 mod voxels;
 
 pub use storage::{
-    Accuracy, MemoryEstimate, StorageDemand, StorageError, StoragePlan, StorageWish, byte_text, facing_share,
-    plan_storage,
+    Accuracy, MemoryEstimate, StorageDemand, StorageError, StoragePlan, StorageWish, byte_text, facing_patches,
+    facing_share, plan_storage,
 };
 pub use voxels::{VoxelDemand, voxel_byte};
 

@@ -274,10 +274,12 @@ void radiosity_occluded(const radiosity_scene *scene, const radiosity_rays *rays
   }
 }
 
-void radiosity_return_freed_blocks(int n_bytes) {
+void radiosity_return_freed_blocks(int block_bytes, int kept_bytes) {
 #ifdef __GLIBC__
-  mallopt(M_MMAP_THRESHOLD, n_bytes);
+  mallopt(M_MMAP_THRESHOLD, block_bytes);
+  mallopt(M_TRIM_THRESHOLD, kept_bytes);
 #else
-  (void)n_bytes;
+  (void)block_bytes;
+  (void)kept_bytes;
 #endif
 }

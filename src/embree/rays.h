@@ -82,7 +82,7 @@ void radiosity_closest_hits(const radiosity_scene *scene, const radiosity_rays *
 /* Tells for each ray whether anything lies on it. */
 void radiosity_occluded(const radiosity_scene *scene, const radiosity_rays *rays, bool coherent, bool *blocked);
 
-/* Has freed blocks of n_bytes and more return to the system at once, where the C library is glibc. */
-void radiosity_return_freed_blocks(int n_bytes);
+/* Has freed blocks of block_bytes and more, and what a thread has free at its end beyond kept_bytes, return to the system at once, where the C library is glibc. */
+void radiosity_return_freed_blocks(int block_bytes, int kept_bytes);
 
 #endif

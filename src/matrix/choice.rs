@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
-use crate::ranks::Ranks;
+use super::team::Team;
 
 /// The share of non-zero entries from which a tile is stored in full, rows as well as squares.
 ///
@@ -73,10 +73,10 @@ pub struct StorageChoice<'a> {
 
 /// The ranks that work on a matrix together.
 ///
-/// Each works on a range of rows. In memory a rank stores its own rows or, of exchange areas, the tiles that these need: on K ranks at most 2 / K of those of one process. A matrix on a disk is stored whole by each rank.
+/// Each works on a [range of rows](Team::new). In memory a rank stores its own rows or, of exchange areas, the tiles that these need: on K ranks at most 2 / K of those of one process. A matrix on a disk is stored whole by each rank.
 /// Functions that read the whole matrix are then collective: each rank calls them in the same order.
 #[derive(Clone, Copy, Debug)]
-pub struct Among<'a>(pub &'a Arc<dyn Ranks>);
+pub struct Among<'a>(pub &'a Arc<Team>);
 
 impl PartialEq for Among<'_> {
     fn eq(&self, other: &Self) -> bool {

@@ -152,7 +152,7 @@ impl FormFactors {
             layout: self.layout,
             precision: self.precision,
             place: self.entries.place(),
-            ranks: self.together.as_ref().map(|together| Among(&together.ranks)),
+            ranks: self.together.as_ref().map(|together| Among(&together.team)),
         }
     }
 

@@ -24,6 +24,7 @@ mod shares;
 mod square;
 mod surfaces;
 mod symmetric;
+mod team;
 mod tile;
 mod together;
 mod transpose;
@@ -34,6 +35,7 @@ pub use error::{DiskError, MatrixError};
 pub use form_factors::FormFactors;
 pub use repair::{BalanceReport, Need, RepairKind, Sampling};
 pub use surfaces::{SurfaceFormFactors, SurfaceRow, SurfaceRows};
+pub use team::Team;
 pub use tile::{Entry, RayWeights, RowTally, RowTile};
 
 pub(crate) use bounds::UpperBounds;

@@ -1,8 +1,11 @@
 //! Tests of matrices that ranks share: every layout, any number of ranks.
 
+use std::sync::Arc;
+
 use super::choice::{Among, Layout, Place, Precision, Scratch, StorageChoice};
 use super::form_factors::FormFactors;
 use super::operator::{Block, LinearOperator as _, RowAccess as _};
+use super::team::Team;
 use super::tile::{Entry, RowTally, RowTile};
 use crate::ranks::threads::on_ranks;
 
@@ -105,7 +108,9 @@ fn ranks_that_store_parts_read_and_repair_as_one_process() {
         let (expected, every_entry) = (all(&whole), entries(&whole));
         for n_ranks in [1, 2, 3, 5, 13] {
             on_ranks(n_ranks, |ranks| {
-                let factors = made(Some(Among(&ranks)));
+                // The first rows have the most work.
+                let team = Arc::new(Team::new(&ranks, &[3.0, 2.0, 1.0, 1.0]));
+                let factors = made(Some(Among(&team)));
                 assert!(all(&factors) == expected, "{n_ranks} ranks, {layout:?}, {place:?}");
                 assert!(factors.held_rows().is_some());
                 let read = factors.by_first(|| entries(&factors));
@@ -163,8 +168,9 @@ fn in_tiles(tile: &RowTile, n_rows: usize) -> Vec<RowTile> {
 fn a_row_of_another_rank_is_not_read_as_zeros() {
     let areas = vec![1.0; 200];
     let read = on_ranks(2, |ranks| {
+        let team = Arc::new(Team::new(&ranks, &[]));
         let storage = StorageChoice {
-            ranks: Some(Among(&ranks)),
+            ranks: Some(Among(&team)),
             ..StorageChoice::default()
         };
         let factors =

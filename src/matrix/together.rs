@@ -8,22 +8,11 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use super::backend::{Backend, Sizes};
 use super::choice::StorageChoice;
 use super::form_factors::FormFactors;
-use super::kernel::sizes::{SIDE, block_rows};
+use super::kernel::sizes::SIDE;
 use super::operator::Block;
+use super::team::{Team, rows_of};
 use super::tile::{Entry, RowTally, RowTile, index};
-use crate::ranks::Ranks;
 use crate::threads;
-
-/// Returns the blocks of rows that are rank `rank`'s of `n_ranks`, of an n by n matrix.
-pub(in crate::matrix) fn blocks_of(n: usize, rank: usize, n_ranks: usize) -> Range<usize> {
-    let n_blocks = block_rows(n).len();
-    n_blocks * rank / n_ranks..n_blocks * (rank + 1) / n_ranks
-}
-
-/// Returns the rows of some blocks.
-pub(in crate::matrix) fn rows_of(n: usize, blocks: &Range<usize>) -> Range<usize> {
-    (blocks.start * SIDE).min(n)..(blocks.end * SIDE).min(n)
-}
 
 /// The rows of a rank of several.
 #[derive(Clone, Debug)]
@@ -32,25 +21,25 @@ pub(in crate::matrix) struct Share {
     pub(in crate::matrix) blocks: Range<usize>,
     /// The rows of these.
     pub(in crate::matrix) rows: Range<usize>,
-    pub(in crate::matrix) ranks: Arc<dyn Ranks>,
+    team: Arc<Team>,
 }
 
 impl Share {
     /// Returns the rows of an n by n matrix that are this rank's; `None` for a process alone.
     pub(in crate::matrix) fn of(n: usize, choice: StorageChoice<'_>) -> Option<Self> {
-        let ranks = choice.ranks?.0;
-        let blocks = blocks_of(n, ranks.rank(), ranks.size());
+        let team = choice.ranks?.0;
+        let blocks = team.own_blocks(n);
         Some(Self {
             rows: rows_of(n, &blocks),
             blocks,
-            ranks: Arc::clone(ranks),
+            team: Arc::clone(team),
         })
     }
 
     /// Adds up what the ranks store. Collective.
     pub(in crate::matrix) fn add_up(&self, own: Sizes) -> Sizes {
         let counts = [own.n_nonzero, own.pass_byte, own.stored_byte].map(|count| (count as u64).to_le_bytes());
-        let of_ranks = self.ranks.all_gather(counts.as_flattened());
+        let of_ranks = self.team.ranks().all_gather(counts.as_flattened());
         let of_rank = |bytes: &Vec<u8>| {
             let count = |k: usize| usize::try_from(u64::from_le_bytes(bytes.as_chunks().0[k])).unwrap_or(usize::MAX);
             Sizes {
@@ -66,7 +55,7 @@ impl Share {
     pub(in crate::matrix) fn complete(&self, y: &mut Block) {
         let n_channels = y.n_channels();
         let own = self.rows.start * n_channels..self.rows.end * n_channels;
-        let all = self.ranks.all_gather_numbers(&y.values()[own]);
+        let all = self.team.ranks().all_gather_numbers(&y.values()[own]);
         y.values_mut().copy_from_slice(&all);
     }
 
@@ -75,7 +64,7 @@ impl Share {
         let mut sent = sent;
         loop {
             let own = sent.next().map_or_else(Vec::new, |tile| encode(&tile));
-            let came = self.ranks.all_gather(&own);
+            let came = self.team.ranks().all_gather(&own);
             if came.iter().all(Vec::is_empty) {
                 return;
             }
@@ -87,7 +76,7 @@ impl Share {
 /// The ranks of form factors, and the rows of others that this one has.
 #[derive(Debug)]
 pub(super) struct Together {
-    pub(super) ranks: Arc<dyn Ranks>,
+    pub(super) team: Arc<Team>,
     /// All rows, once they were gathered.
     whole: OnceLock<Option<Arc<dyn Backend>>>,
     /// True on the first rank while the others send it the rows that it reads.
@@ -97,9 +86,9 @@ pub(super) struct Together {
 }
 
 impl Together {
-    pub(super) fn new(ranks: &Arc<dyn Ranks>) -> Self {
+    pub(super) fn new(team: &Arc<Team>) -> Self {
         Self {
-            ranks: Arc::clone(ranks),
+            team: Arc::clone(team),
             whole: OnceLock::new(),
             is_served: AtomicBool::new(false),
             came: Mutex::default(),
@@ -122,8 +111,8 @@ impl Together {
         if let Some(found) = came.iter().find(|tile| tile.first_row() == first_row) {
             return Arc::clone(found);
         }
-        self.ranks.all_gather(&(block as u64).to_le_bytes());
-        let sent = self.ranks.all_gather(&[]).concat();
+        self.team.ranks().all_gather(&(block as u64).to_le_bytes());
+        let sent = self.team.ranks().all_gather(&[]).concat();
         let tile = Arc::new(decode(&sent).expect("the rank that stores the rows sends them"));
         if came.len() > rayon::current_num_threads() {
             came.pop_front();
@@ -216,10 +205,7 @@ impl FormFactors {
     pub(crate) fn own_rows(&self) -> Range<usize> {
         let n = self.n_rows();
         match &self.together {
-            Some(together) if !together.is_served() => {
-                let ranks = &together.ranks;
-                rows_of(n, &blocks_of(n, ranks.rank(), ranks.size()))
-            }
+            Some(together) if !together.is_served() => rows_of(n, &together.team.own_blocks(n)),
             _ => 0..n,
         }
     }
@@ -227,7 +213,7 @@ impl FormFactors {
     /// Returns the numbers of all ranks, one rank after the other. Collective.
     pub(crate) fn gathered(&self, own: Vec<f64>) -> Vec<f64> {
         match &self.together {
-            Some(together) if !together.is_served() => together.ranks.all_gather_numbers(&own),
+            Some(together) if !together.is_served() => together.team.ranks().all_gather_numbers(&own),
             _ => own,
         }
     }
@@ -248,20 +234,20 @@ impl FormFactors {
             return Some(work());
         };
         let held = self.held_rows();
-        if together.ranks.is_first() {
+        if together.team.ranks().is_first() {
             together.is_served.store(true, Ordering::Relaxed);
             let result = work();
             together.is_served.store(false, Ordering::Relaxed);
             together.came.lock().unwrap_or_else(PoisonError::into_inner).clear();
             if held.is_some() {
-                together.ranks.all_gather(&[]);
+                together.team.ranks().all_gather(&[]);
             }
             return Some(result);
         }
         let held = held?;
         let n = self.n_rows();
         // An empty message ends the work.
-        while let Some(block) = together.ranks.all_gather(&[])[0].first_chunk() {
+        while let Some(block) = together.team.ranks().all_gather(&[])[0].first_chunk() {
             let block = usize::try_from(u64::from_le_bytes(*block)).unwrap_or(usize::MAX);
             let rows = rows_of(n, &(block..block + 1));
             let bytes = if held.contains(&rows.start) {
@@ -269,7 +255,7 @@ impl FormFactors {
             } else {
                 Vec::new()
             };
-            together.ranks.all_gather(&bytes);
+            together.team.ranks().all_gather(&bytes);
         }
         None
     }
@@ -280,7 +266,7 @@ impl FormFactors {
             return own.to_vec();
         };
         let own = threads::collect_from(own, encode);
-        let came = together.ranks.all_gather(&with_lengths(&own));
+        let came = together.team.ranks().all_gather(&with_lengths(&own));
         let tiles: Vec<&[u8]> = came.iter().flat_map(|bytes| parts(bytes)).collect();
         threads::collect_flat(tiles.len(), |k| decode(tiles[k]))
     }

@@ -5,8 +5,9 @@ use std::ops::Range;
 
 use super::form_factors::FormFactors;
 use super::kernel::sizes::SIDE;
+use super::team::rows_of;
 use super::tile::{Entry, RowTally, RowTile, index};
-use super::together::{blocks_of, decode, encode, parts, rows_of, with_lengths};
+use super::together::{decode, encode, parts, with_lengths};
 use crate::threads;
 
 /// The fewest rows that are transposed at a time: a few cache lines of every row of F.
@@ -69,10 +70,10 @@ impl FormFactors {
         let (Some(together), Some(held)) = (&self.together, self.held_rows()) else {
             return;
         };
-        let ranks = &together.ranks;
+        let ranks = together.team.ranks();
         let n = self.n_rows();
         let of_ranks: Vec<Vec<Range<usize>>> = (0..ranks.size())
-            .map(|rank| blocks_in(rows_of(n, &blocks_of(n, rank, ranks.size())), n_together))
+            .map(|rank| blocks_in(rows_of(n, &together.team.blocks_of(n, rank)), n_together))
             .collect();
         let per_block = (self.density() * (n * n_together) as f64).max(1.0);
         #[expect(

@@ -404,11 +404,18 @@ fn all_rows_byte(demand: &StorageDemand) -> u64 {
     whole(n * n * ENTRY_BYTE * demand.density.min(1.0))
 }
 
-/// Returns an upper bound of the share of entries that are not zero.
-///
-/// It is the share of the patches in front of each other's planes, seen from up to 256 of them.
+/// Returns an upper bound of the share of entries that are not zero, by what [`facing_patches`] counted.
 #[must_use]
-pub fn facing_share(mesh: &Mesh) -> f64 {
+pub fn facing_share(mesh: &Mesh, counts: &[usize]) -> f64 {
+    let n_seen = counts.len() * mesh.n_patches();
+    let n_facing: usize = counts.iter().sum();
+    // A sample has an error; a bound that is a tenth too high does little harm.
+    (1.1 * n_facing as f64 / n_seen.max(1) as f64).min(1.0)
+}
+
+/// Counts the patches that face each of up to 256, at equal distances in their order: either lies in front of the other's plane.
+#[must_use]
+pub fn facing_patches(mesh: &Mesh) -> Vec<usize> {
     const SAMPLES: usize = 256;
     let n = mesh.n_patches();
     let in_front = |i: usize, j: usize| {
@@ -417,11 +424,8 @@ pub fn facing_share(mesh: &Mesh) -> f64 {
         corners.any(|&corner| normal.dot(mesh.vertices[corner as usize] - from) > 0.0)
     };
     let samples: Vec<usize> = (0..n).step_by(n.div_ceil(SAMPLES).max(1)).collect();
-    let n_seen = samples.len() * n;
     let of_sample = |i: usize| (0..n).filter(|&j| in_front(i, j) && in_front(j, i)).count();
-    let n_facing: usize = threads::collect_from(&samples, |&i| of_sample(i)).into_iter().sum();
-    // A sample has an error; a bound that is a tenth too high does little harm.
-    (1.1 * n_facing as f64 / n_seen.max(1) as f64).min(1.0)
+    threads::collect_from(&samples, |&i| of_sample(i))
 }
 
 /// Returns a number of bytes as text.

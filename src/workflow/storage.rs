@@ -6,9 +6,10 @@ use std::sync::Arc;
 use sha2::{Digest as _, Sha256};
 
 use super::{Context, Model, WorkflowError};
-use crate::matrix::{Among, Layout, Place, Precision, Scratch, StorageChoice};
-use crate::plan::{Accuracy, StorageDemand, StoragePlan, StorageWish, byte_text, facing_share, plan_storage};
-use crate::ranks::Ranks;
+use crate::matrix::{Among, Layout, Place, Precision, Scratch, StorageChoice, Team};
+use crate::plan::{
+    Accuracy, StorageDemand, StoragePlan, StorageWish, byte_text, facing_patches, facing_share, plan_storage,
+};
 use crate::report::{memory_available_byte, memory_used_byte};
 use crate::solver::registry;
 
@@ -102,7 +103,7 @@ pub struct ChosenStorage {
     plan: StoragePlan,
     directory: PathBuf,
     /// The ranks that share the matrix; `None` for a single one.
-    ranks: Option<Arc<dyn Ranks>>,
+    team: Option<Arc<Team>>,
 }
 
 impl ChosenStorage {
@@ -123,7 +124,7 @@ impl ChosenStorage {
             layout: self.plan.layout,
             precision: self.plan.precision,
             place,
-            ranks: self.ranks.as_ref().map(Among),
+            ranks: self.team.as_ref().map(Among),
         }
     }
 }
@@ -147,6 +148,7 @@ pub fn choose_storage(cx: &Context, model: &mut Model, matrix: MatrixDemand) -> 
         .solver
         .as_deref()
         .and_then(|name| registry::by_name(name).ok());
+    let facing = facing_patches(&model.mesh);
     let demand = StorageDemand {
         n_patches: n,
         n_channels: model.plan.n_channels,
@@ -154,7 +156,7 @@ pub fn choose_storage(cx: &Context, model: &mut Model, matrix: MatrixDemand) -> 
         by_rows: matrix.by_rows,
         repaired: matrix.repaired,
         n_beside: matrix.n_beside,
-        density: facing_share(&model.mesh).min(matrix.n_entries as f64 / n.max(1) as f64),
+        density: facing_share(&model.mesh, &facing).min(matrix.n_entries as f64 / n.max(1) as f64),
         used_byte: room.used_byte,
         working_byte: matrix.working_byte,
         image_byte: cx.demand.image_byte,
@@ -187,10 +189,15 @@ pub fn choose_storage(cx: &Context, model: &mut Model, matrix: MatrixDemand) -> 
         byte_text(memory.image_byte),
         byte_text(memory.used_byte),
     );
+    // Rows have as much work as entries, but where each place is stored they have equal sizes.
+    let work: Vec<f64> = match plan.layout {
+        Layout::Dense => Vec::new(),
+        Layout::Auto | Layout::Sparse => facing.iter().map(|&count| 1.0 + count as f64).collect(),
+    };
     let chosen = ChosenStorage {
         plan,
         directory,
-        ranks: (cx.ranks.size() > 1).then(|| Arc::clone(&cx.ranks)),
+        team: (cx.ranks.size() > 1).then(|| Arc::new(Team::new(&cx.ranks, &work))),
     };
     let choice = format!("{kind}, {}", choice_text(chosen.choice()));
     model.plan.decide("form factors", choice, reason);

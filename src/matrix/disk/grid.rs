@@ -12,8 +12,9 @@ use crate::matrix::kernel::scalar::{Scalar, rounded};
 use crate::matrix::kernel::sizes::{SIDE, block_rows, for_each_block};
 use crate::matrix::operator::Block;
 use crate::matrix::square::{Placed, Square};
+use crate::matrix::team::rows_of;
 use crate::matrix::tile::{Entry, RowTile, index, is_zero};
-use crate::matrix::together::{Share, rows_of, stored_rows};
+use crate::matrix::together::{Share, stored_rows};
 use crate::threads;
 
 /// F_ij on a disk, in full rows of tiles: all of them, or those of this rank.

@@ -11,8 +11,8 @@ use crate::matrix::error::MatrixError;
 use crate::matrix::kernel::scalar::{Scalar, rounded};
 use crate::matrix::kernel::sizes::{SIDE, block_rows};
 use crate::matrix::square::{Placed, Square};
+use crate::matrix::team::rows_of;
 use crate::matrix::tile::{RowTile, index};
-use crate::matrix::together::rows_of;
 use crate::threads;
 
 /// Stores the s_ij = A_i F_ij / max A between patches of these areas, computed by `upper` in parallel.

@@ -17,8 +17,9 @@ use crate::matrix::kernel::scalar::Scalar;
 use crate::matrix::kernel::sizes::{SIDE, block_rows, for_each_block};
 use crate::matrix::operator::Block;
 use crate::matrix::square::Square;
+use crate::matrix::team::rows_of;
 use crate::matrix::tile::RowTile;
-use crate::matrix::together::{Share, rows_of, stored_rows};
+use crate::matrix::together::{Share, stored_rows};
 use crate::threads;
 
 /// Returns f_i = max A / A_i.
