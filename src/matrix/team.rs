@@ -54,8 +54,8 @@ impl Team {
             clippy::cast_sign_loss,
             reason = "a share of the blocks"
         )]
-        let bound = |rank: usize| (self.bounds[rank] * n_blocks as f64).round() as usize;
-        bound(rank)..bound(rank + 1)
+        let blocks_before = |share: f64| (share * n_blocks as f64).round() as usize;
+        blocks_before(self.bounds[rank])..blocks_before(self.bounds[rank + 1])
     }
 
     /// Returns the blocks of rows that are this rank's, of an n by n matrix.
@@ -97,7 +97,7 @@ mod tests {
                 let most = work.iter().copied().fold(0.0, f64::max) * per_block;
                 for range in ranges {
                     // A block lies in the middle of what its number stands for.
-                    let own = range.map(|block| work[((block as f64 + 0.5) * per_block) as usize] * per_block);
+                    let own = range.map(|block| work[(2 * block + 1) * work.len() / 200] * per_block);
                     let off = own.sum::<f64>() - total / size as f64;
                     assert!(off.abs() <= 2.0 * most, "{size} ranks, {work:?}: {off}");
                 }
