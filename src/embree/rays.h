@@ -82,7 +82,7 @@ void radiosity_closest_hits(const radiosity_scene *scene, const radiosity_rays *
 /* Tells for each ray whether anything lies on it. */
 void radiosity_occluded(const radiosity_scene *scene, const radiosity_rays *rays, bool coherent, bool *blocked);
 
-/* Has freed blocks of block_bytes and more, and what a thread has free at its end beyond kept_bytes, return to the system at once, where the C library is glibc. */
+/* Has freed blocks of block_bytes and more, and what is free at the end of a heap beyond kept_bytes, return to the system at once, where the C library is glibc. */
 void radiosity_return_freed_blocks(int block_bytes, int kept_bytes);
 
 #endif
